@@ -1,0 +1,50 @@
+# How every C++ file of the project is compiled, and the intersection kernels once per instruction
+# set. Nothing here may change a result: fused multiply-adds are written out in the sources (hence
+# no contraction), and fast-math is never used.
+
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|amd64)$")
+  set(LIMITRAY_IS_X86 ON)
+endif()
+
+set(LIMITRAY_AVX2_OPTIONS -mavx2 -mfma -mbmi2)
+set(LIMITRAY_AVX512_OPTIONS -mavx512f -mavx512vl -mavx512dq -mavx512bw ${LIMITRAY_AVX2_OPTIONS})
+set(LIMITRAY_PORTABLE_OPTIONS)
+
+function(limitray_compile_options target)
+  target_compile_options(${target} PRIVATE -ffp-contract=off -fno-math-errno)
+  if(PROJECT_IS_TOP_LEVEL)
+    target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow)
+    if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+      target_compile_options(${target} PRIVATE -Wno-restrict)  # false alarms on std::string + "..."
+    endif()
+  endif()
+  if(LIMITRAY_WERROR)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(LIMITRAY_IS_X86)
+    target_compile_definitions(${target} PRIVATE LIMITRAY_X86)
+  endif()
+  if(LIMITRAY_SANITIZE)
+    target_compile_options(${target} PRIVATE -fsanitize=${LIMITRAY_SANITIZE} -fno-omit-frame-pointer
+                                             -fno-sanitize-recover=all)
+    target_link_options(${target} PUBLIC -fsanitize=${LIMITRAY_SANITIZE})
+  endif()
+endfunction()
+
+# Gives the files intersect/kernels_<isa>.cpp of `target` the options of their instruction set;
+# where the processor is not x86-64, only kernels_portable.cpp is compiled.
+function(limitray_kernel_sources target)
+  foreach(isa avx512 avx2 portable)
+    set(file ${PROJECT_SOURCE_DIR}/src/limitray/intersect/kernels_${isa}.cpp)
+    string(TOUPPER ${isa} ISA)
+    set(options ${LIMITRAY_${ISA}_OPTIONS})
+    if(NOT CMAKE_BUILD_TYPE STREQUAL "Debug" AND NOT LIMITRAY_SANITIZE)
+      list(PREPEND options -O3)
+    endif()
+    set_source_files_properties(${file} PROPERTIES COMPILE_OPTIONS "${options}"
+                                SKIP_UNITY_BUILD_INCLUSION ON)
+    if(NOT isa STREQUAL "portable" AND NOT LIMITRAY_IS_X86)
+      set_source_files_properties(${file} PROPERTIES HEADER_FILE_ONLY ON)
+    endif()
+  endforeach()
+endfunction()

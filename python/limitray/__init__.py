@@ -1,0 +1,31 @@
+"""Exact ray tracing of Catmull-Clark subdivision surfaces: no tessellation, no cracks.
+
+A control cage (`Mesh`) becomes Bezier and Gregory patches in a `Scene`; rays are answered with
+exact hits, or a picture is made by `render`::
+
+    import limitray as lr
+
+    scene = lr.Scene()
+    scene.add_mesh(lr.Mesh.from_file("model.obj"))
+    lr.render(scene, width=640, height=480).save("model.png")
+"""
+
+from limitray.camera import Camera, create_rays_pinhole
+from limitray.image import Image
+from limitray.info import mesh_info
+from limitray.mesh import FaceVarying, Mesh
+from limitray.render import RenderInterrupted, render
+from limitray.scene import INVALID_ID, Scene
+
+__all__ = [
+    "INVALID_ID",
+    "Camera",
+    "FaceVarying",
+    "Image",
+    "Mesh",
+    "RenderInterrupted",
+    "Scene",
+    "create_rays_pinhole",
+    "mesh_info",
+    "render",
+]

@@ -1,0 +1,298 @@
+"""Scenes: meshes and instances, and the queries on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from limitray import _core
+from limitray._arrays import (
+    FloatArray,
+    one_of,
+    positive_int,
+    real_array,
+    to_array,
+    transform_matrix,
+)
+from limitray.mesh import Mesh
+
+INVALID_ID = 0xFFFFFFFF
+"""Id reported for a miss."""
+
+DEFAULT_ISOLATION_LEVEL = 4
+HIT_KEYS = (
+    "t_hit",
+    "geometry_ids",
+    "primitive_ids",
+    "primitive_uvs",
+    "primitive_normals",
+)
+ATTRIBUTES = ("points", "dp_du", "dp_dv", "t_error", "patch_ids", "sub_quads")
+
+Progress = Callable[[int], None]
+
+
+class Scene:
+    """Subdivision surfaces and the rays shot at them.
+
+    A scene may be queried from several threads at once, but not while it is changed.
+
+    Parameters
+    ----------
+    device : {"cpu"}
+        Where rays are traced.
+    threads : int
+        Threads of the tracer; 0 takes all cores. The answers do not depend on it.
+
+    Examples
+    --------
+    >>> import limitray as lr
+    >>> import numpy as np
+    >>> scene = lr.Scene()
+    >>> scene.add_mesh(lr.Mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [4], [0, 1, 2, 3]))
+    0
+    >>> hit = scene.cast_rays(np.array([[0.5, 0.5, 2, 0, 0, -1]]))
+    >>> float(hit["t_hit"][0])
+    2.0
+    """
+
+    def __init__(self, device: str = "cpu", threads: int = 0) -> None:
+        if device == "gpu":
+            raise ValueError('device "gpu" is not available in this version; available: "cpu"')
+        one_of("device", device, ("cpu",))
+        self._scene = _core.Scene(positive_int("threads", threads, minimum=0))
+
+    def add_mesh(
+        self,
+        mesh: Mesh,
+        isolation_level: int | None = None,
+        transform: ArrayLike | None = None,
+    ) -> int:
+        """Adds a mesh and returns its geometry id.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            The control cage.
+        isolation_level : int, optional
+            How deep irregular features are isolated, 1 to 10; 4 unless given. Deeper levels bring
+            the surface near extraordinary vertices closer to the true limit.
+        transform : array (4, 4), optional
+            Affine matrix that acts on column vectors; the identity unless given.
+
+        Raises
+        ------
+        ValueError
+            An argument is wrong, or the cage cannot be refined.
+        """
+        if not isinstance(mesh, Mesh):
+            raise ValueError(f"mesh must be a limitray.Mesh, not {type(mesh).__name__}")
+        level = DEFAULT_ISOLATION_LEVEL if isolation_level is None else isolation_level
+        if positive_int("isolation_level", level) > 10:
+            raise ValueError(f"isolation_level must be 1 to 10, not {level}")
+        return self._scene.add_mesh(mesh._cage, int(level), transform_matrix(transform))
+
+    def add_instance(self, geometry_id: int, transform: ArrayLike) -> int:
+        """Adds geometry `geometry_id` again under another transform; returns a new geometry id.
+
+        `transform` is a (4, 4) affine matrix that acts on column vectors and replaces the one of
+        the geometry. Costs no patches.
+        """
+        return self._scene.add_instance(self._known(geometry_id), transform_matrix(transform))
+
+    def update_points(self, geometry_id: int, points: ArrayLike) -> None:
+        """Moves the control points (n, 3) of a mesh; their number and the topology stay."""
+        self._scene.update_points(self._known(geometry_id), real_array("points", points, (None, 3)))
+
+    def cast_rays(
+        self,
+        rays: ArrayLike,
+        tnear: ArrayLike = 0.0,
+        tfar: ArrayLike = np.inf,
+        attributes: Sequence[str] = (),
+        progress: Progress | None = None,
+    ) -> dict[str, NDArray[Any]]:
+        """The closest hit of each ray.
+
+        Parameters
+        ----------
+        rays : array (..., 6) of float32 or float64, any strides
+            Origin and direction. Directions need not be unit; t is in units of their length.
+            float64 rays are answered in double arithmetic. Rays with a NaN, an infinity or a
+            direction of length 0 are misses.
+        tnear, tfar : float or array (...)
+            Hits have tnear < t <= tfar. Both at least 0, not NaN.
+        attributes : sequence of str
+            What is wanted besides: "points", "dp_du", "dp_dv", "t_error", "patch_ids",
+            "sub_quads".
+        progress : callable, optional
+            Called about 20 times a second with the number of rays done.
+
+        Returns
+        -------
+        dict of arrays, floating-point ones with the dtype of `rays`
+            - "t_hit" (...): distance in units of the direction's length; inf for a miss.
+            - "geometry_ids" (...) uint32: as returned by add_mesh and add_instance.
+            - "primitive_ids" (...) uint32: base face of the cage.
+            - "primitive_uvs" (..., 2): parameters in [0, 1]^2 of the base face, or of the sub-quad
+              of a face that is no quad.
+            - "primitive_normals" (..., 3): unit normal, on the side given by the winding.
+            - "points" (..., 3): the surface at (u, v).
+            - "dp_du", "dp_dv" (..., 3): derivatives of the position by u and v.
+            - "t_error" (...): bound on the distance of "t_hit" from the surface.
+            - "patch_ids" (...) uint32: patch of the geometry.
+            - "sub_quads" (...) uint32: corner of a face that is no quad; 0 for quads.
+
+            For a miss ids are INVALID_ID (0xFFFFFFFF) and all else is 0.
+
+        Raises
+        ------
+        ValueError
+            An argument has a wrong dtype, shape, name or value.
+        """
+        if isinstance(attributes, str):
+            raise ValueError(f'attributes must be a sequence of names, such as ("{attributes}",)')
+        for name in attributes:
+            one_of("attributes", name, HIT_KEYS + ATTRIBUTES)
+        names = list(dict.fromkeys((*HIT_KEYS, *attributes)))
+        flat, shape = _flat_rays(rays)
+        limits = _limits(tnear, tfar, shape, flat.dtype)
+        hits = self._scene.cast_rays(flat, *limits, names, progress)
+        return {name: hits[name].reshape(shape + hits[name].shape[1:]) for name in names}
+
+    def test_occlusions(
+        self,
+        rays: ArrayLike,
+        tnear: ArrayLike = 0.0,
+        tfar: ArrayLike = np.inf,
+        progress: Progress | None = None,
+    ) -> NDArray[np.bool_]:
+        """Whether each ray hits anything: array (...) of bool. Arguments as in `cast_rays`."""
+        flat, shape = _flat_rays(rays)
+        limits = _limits(tnear, tfar, shape, flat.dtype)
+        return self._scene.test_occlusions(flat, *limits, progress).reshape(shape)
+
+    def count_intersections(
+        self,
+        rays: ArrayLike,
+        tnear: ArrayLike = 0.0,
+        tfar: ArrayLike = np.inf,
+        progress: Progress | None = None,
+    ) -> NDArray[np.uint32]:
+        """Number of intersections along each ray (...), in double. Arguments as in `cast_rays`."""
+        flat, shape = _flat_rays(rays)
+        near, far = _limits(tnear, tfar, shape, np.dtype(np.float64))
+        counts = self._scene.count_intersections(flat.astype(np.float64), near, far, progress)
+        return counts.reshape(shape)
+
+    def list_intersections(
+        self,
+        rays: ArrayLike,
+        tnear: ArrayLike = 0.0,
+        tfar: ArrayLike = np.inf,
+        progress: Progress | None = None,
+    ) -> dict[str, NDArray[Any]]:
+        """All intersections along each ray, in double. Arguments as in `cast_rays`.
+
+        Returns
+        -------
+        dict of arrays
+            - "ray_splits" (n + 1,) int64: the intersections of ray i of the flattened rays are
+              rows ray_splits[i] to ray_splits[i + 1], sorted by t.
+            - "ray_ids" (k,) int64: the ray of each intersection.
+            - "t_hit" (k,), "primitive_uvs" (k, 2), "primitive_normals" (k, 3) float64.
+            - "geometry_ids", "primitive_ids", "sub_quads" (k,) uint32.
+        """
+        flat, shape = _flat_rays(rays)
+        near, far = _limits(tnear, tfar, shape, np.dtype(np.float64))
+        found = self._scene.list_intersections(flat.astype(np.float64), near, far, progress)
+        splits = found.pop("ray_splits").astype(np.int64)
+        ids = np.repeat(np.arange(len(flat)), np.diff(splits))
+        return {"ray_splits": splits, "ray_ids": ids, **found}
+
+    def bounds(self) -> NDArray[np.float64]:
+        """Lower and upper corner (2, 3) of the surfaces; raises ValueError for an empty scene."""
+        corners = self._scene.bounds()
+        if not (corners[0] <= corners[1]).all():
+            raise ValueError("the scene has no surface, so it has no bounds")
+        return corners
+
+    def statistics(self) -> dict[str, int]:
+        """Work counted since the scene was made or `reset_statistics` was called.
+
+        "rays", "node_visits", "patch_tests", "early_outs", "splits", "backtracks", "newton_runs",
+        "newton_steps", and "unresolved": hits whose precision limit was not reached.
+        """
+        return dict(self._scene.statistics())
+
+    def reset_statistics(self) -> None:
+        """Sets all counters of `statistics` to 0."""
+        self._scene.reset_statistics()
+
+    def mesh_statistics(self, geometry_id: int) -> dict[str, Any]:
+        """Size of one mesh after `add_mesh`.
+
+        "patches", "gregory_patches", "patches_by_level" (a list), "patch_bytes", "bvh_bytes",
+        "build_seconds".
+        """
+        counted = self._scene.mesh_statistics(self._known(geometry_id))
+        return {
+            "patches": counted.patches,
+            "gregory_patches": counted.gregory_patches,
+            "patches_by_level": counted.patches_by_level,
+            "patch_bytes": counted.patch_bytes,
+            "bvh_bytes": counted.bvh_bytes,
+            "build_seconds": counted.build_seconds,
+        }
+
+    def geometry_count(self) -> int:
+        """Number of meshes and instances; geometry ids are 0 to this number less 1."""
+        return self._scene.geometry_count()
+
+    @staticmethod
+    def isa() -> str:
+        """Instruction set of the tracer: "avx512", "avx2" or "portable".
+
+        The environment variable LIMITRAY_ISA forces one.
+        """
+        return _core.isa()
+
+    def _known(self, geometry_id: int) -> int:
+        if positive_int("geometry_id", geometry_id, minimum=0) >= self.geometry_count():
+            raise ValueError(
+                f"geometry_id must be below {self.geometry_count()}, not {geometry_id}"
+            )
+        return int(geometry_id)
+
+
+def _flat_rays(rays: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
+    """Rays as a contiguous (n, 6) array, and the shape of the answers."""
+    array = to_array("rays", rays)
+    if array.dtype not in (np.float32, np.float64):
+        raise ValueError(f"rays must have dtype float32 or float64, not {array.dtype}")
+    if array.ndim == 0 or array.shape[-1] != 6:
+        raise ValueError(f"rays must have shape (..., 6), not {array.shape}")
+    return np.ascontiguousarray(array.reshape(-1, 6)), array.shape[:-1]
+
+
+def _limits(
+    tnear: ArrayLike, tfar: ArrayLike, shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """tnear and tfar as arrays of 1 value, or of one a ray."""
+    return _limit("tnear", tnear, shape, dtype), _limit("tfar", tfar, shape, dtype)
+
+
+def _limit(
+    name: str, value: ArrayLike, shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> NDArray[Any]:
+    array = to_array(name, value)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} must be a real number or an array, not {array.dtype}")
+    if array.shape not in ((), shape):
+        raise ValueError(f"{name} must be a number or have shape {shape}, not {array.shape}")
+    if not (array >= 0).all():
+        raise ValueError(f"{name} must be at least 0 and not NaN")
+    return np.ascontiguousarray(array.reshape(-1), dtype)

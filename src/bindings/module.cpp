@@ -1,0 +1,10 @@
+// Stage: bindings. The extension module limitray._core; the public Python names are in
+// python/limitray.
+#include "bind.h"
+
+NB_MODULE(_core, module) {
+  module.doc() = "Private C++ core of limitray; use the package limitray.";
+  limitray::bindings::bind_cage(module);
+  limitray::bindings::bind_limit(module);
+  limitray::bindings::bind_scene(module);
+}

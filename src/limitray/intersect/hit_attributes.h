@@ -1,0 +1,60 @@
+// Stage: intersection. Comes in: the patch and parameters of a hit. Goes out: position, derivatives,
+// normal and the bound on t, all from the patch itself.
+#pragma once
+
+#include "limitray/intersect/intersect_patch.h"
+
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+/// Position (relative to the mesh's centre) and derivatives by the patch parameters.
+template <class T>
+struct SurfacePoint {
+  Vec3<T> p, p_s, p_t;
+};
+template <class T>
+SurfacePoint<T> evaluate_patch(const PatchNet<T>& net, const PatchBump<T>* bump, T s, T t) {
+  const Quad<T> bs = bernstein(s), ds = bernstein_derivative(s);
+  const Net<T> bt = along_columns<T>(bernstein(t)), dt = along_columns<T>(bernstein_derivative(t));
+  const BumpWeights<T> w = bump ? bump_weights(s, t) : BumpWeights<T>{};
+  SurfacePoint<T> r;
+  for (int i = 0; i < 3; ++i) {
+    const Net<T> n = load_net(net.c[i]);
+    const Quad<T> row = sum_rows(n * bt), row_t = sum_rows(n * dt);
+    const Quad<T> h = bump ? load_quad(bump->c[i]) : Quad<T>{};
+    const Quad<T> q = sum4(Quad<T>(row * bs + w.g * h), Quad<T>(row * ds + w.g_s * h),
+                           Quad<T>(row_t * bs + w.g_t * h), Quad<T>{});
+    r.p[i] = q[0], r.p_s[i] = q[1], r.p_t[i] = q[2];
+  }
+  return r;
+}
+
+/// Unit normal p_s x p_t. Where the derivatives vanish or are parallel (a degenerate corner), the
+/// normal a little towards the middle of the patch; 0 if the patch has none.
+template <class T>
+Vec3<T> unit_normal(const PatchNet<T>& net, const PatchBump<T>* bump, T s, T t,
+                    const SurfacePoint<T>& at) {
+  SurfacePoint<T> p = at;
+  for (T step = T(1.0 / 1024);; step *= 4) {
+    const Vec3<T> n = cross(p.p_s, p.p_t);
+    const T l = length(n);
+    if (l > 64 * std::numeric_limits<T>::epsilon() * length(p.p_s) * length(p.p_t))
+      return (1 / l) * n;
+    if (step > 1) return {};
+    p = evaluate_patch(net, bump, s + (T(0.5) - s) * step, t + (T(0.5) - t) * step);
+  }
+}
+
+/// Bound on |t - t of the surface's own hit|: the depth's rounding, plus the parametric distance
+/// `radius` times the steepest depth of the patch.
+template <class T>
+double t_error(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray, T radius) {
+  RootPatch<T> p = to_ray_frame(net, bump, ray);
+  charge_rounding(p);
+  const T slope = 3 * (max_value(abs(difference_u(p.z))) + max_value(abs(difference_v(p.z)))) +
+                  bump_slope<T> * sum(abs(p.bump_z));
+  return double(p.eps_z + radius * slope) * ray.t_scale;
+}
+
+}  // namespace LIMITRAY_ISA
+}  // namespace limitray

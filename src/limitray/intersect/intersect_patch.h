@@ -1,0 +1,228 @@
+// Stage: intersection, the heart. Comes in: a patch and a ray (S1). Goes out: the points where they
+// meet, nearest first as far as the order is known. docs/algorithm.md tells the steps.
+//
+// Binder and Keller 2015, "Stackless Ray Tracing of Patches from Feature-Adaptive Subdivision on
+// GPUs", section 2: bisection without a stack, two bit trails, control values recovered from the
+// surface. Ours differs in that the bounds are derived (docs/accuracy.md), and in S8.
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "limitray/intersect/domain.h"
+#include "limitray/intersect/newton.h"
+
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+/// Work done by one or many patch tests.
+struct PatchCounters {
+  std::uint32_t patch_tests = 0, early_outs = 0, splits = 0, backtracks = 0, newton_runs = 0,
+                newton_steps = 0, unresolved = 0;
+};
+
+/// Deepest level a direction is split to: 2^-level is then a few roundings of a parameter.
+template <class T>
+inline constexpr int max_level = std::is_same_v<T, float> ? 22 : 48;
+/// Splits after which a patch counts as unresolved: never reached by a surface that is no curve
+/// along the ray.
+inline constexpr std::uint32_t max_splits = 1u << 16;
+
+/// Charges the rounding of everything computed from the root: evaluation (32 u max|net|), recovery
+/// and the splits after it (8 u + 16 u), the local frame (4 u). docs/accuracy.md, section 2.
+template <class T>
+void charge_rounding(RootPatch<T>& p) {
+  const Quad<T> q = max4(max_rows(abs(p.x)), max_rows(abs(p.y)), max_rows(abs(p.z)),
+                         max(max(abs(p.bump_x), abs(p.bump_y)), abs(p.bump_z)));
+  const T c = 64 * unit_roundoff<T>;
+  p.eps_x += c * (q[0] + q[3]);
+  p.eps_y += c * (q[1] + q[3]);
+  p.eps_z += c * (q[2] + q[3]);
+}
+
+/// The local frame: x and y are mixed by a 2x2 map built from the patch's own projected tangents, so
+/// that x follows u and y follows v. Edge-on, where they are (almost) parallel, a rotation by the
+/// longer one. The bounds grow by the map's row sums.
+template <class T>
+void to_local_frame(RootPatch<T>& p) {
+  const auto mean_u = [](const Net<T>& n) { return sum(sum_rows(difference_u(n))); };
+  const auto mean_v = [](const Net<T>& n) { return sum(sum_rows(difference_v(n))); };
+  const T x_u = mean_u(p.x), y_u = mean_u(p.y), x_v = mean_v(p.x), y_v = mean_v(p.y);
+  const T det = x_u * y_v - x_v * y_u;
+  const T lu = x_u * x_u + y_u * y_u, lv = x_v * x_v + y_v * y_v;
+  T m[4];
+  if (std::abs(det) > T(1.0 / 64) * std::max(lu, lv)) {
+    const T s = std::sqrt(std::max(lu, lv)) / det;  // keeps the patch's size, roughly
+    m[0] = y_v * s, m[1] = -x_v * s, m[2] = -y_u * s, m[3] = x_u * s;
+  } else {
+    const T a = lu > lv ? x_u : x_v, b = lu > lv ? y_u : y_v, l = std::sqrt(std::max(lu, lv));
+    if (!(l > 0)) return;
+    m[0] = a / l, m[1] = b / l, m[2] = -b / l, m[3] = a / l;
+  }
+  const Net<T> x = p.x;
+  p.x = m[0] * x + m[1] * p.y;
+  p.y = m[2] * x + m[3] * p.y;
+  const Quad<T> bump_x = p.bump_x;
+  p.bump_x = m[0] * bump_x + m[1] * p.bump_y;
+  p.bump_y = m[2] * bump_x + m[3] * p.bump_y;
+  const T eps_x = p.eps_x;
+  p.eps_x = (std::abs(m[0]) * eps_x + std::abs(m[1]) * p.eps_y) * T(1.0001);
+  p.eps_y = (std::abs(m[2]) * eps_x + std::abs(m[3]) * p.eps_y) * T(1.0001);
+}
+
+/// 2^-level.
+template <class T>
+T interval_size(int level) {
+  return T(1) / T(std::uint64_t(1) << level);
+}
+
+/// S6 and S7: control values of the subpatch on [u0, u0+su] x [v0, v0+sv], from the root patch.
+template <class T>
+SubPatch<T> recover(const RootPatch<T>& root, T u0, T v0, T su, T sv) {
+  SubPatch<T> s;
+  s.u0 = u0, s.v0 = v0, s.size_u = su, s.size_v = sv;
+  s.dx = root.eps_x, s.dy = root.eps_y, s.dz = root.eps_z, s.bump_gain = bump_slope<T>;
+  const Restriction<T> ru = restriction(u0, u0 + su), rv = restriction(v0, v0 + sv);
+  if (!root.gregory) {
+    s.x = restrict_uv(root.x, ru, rv);
+    s.y = restrict_uv(root.y, ru, rv);
+    s.z = restrict_uv(root.z, ru, rv);
+    return s;
+  }
+  const FrozenBlend<T> f = freeze_blend(u0, v0, su, sv);
+  s.x = restrict_uv(root.x + at_interior<T>(f.mid * root.bump_x), ru, rv);
+  s.y = restrict_uv(root.y + at_interior<T>(f.mid * root.bump_y), ru, rv);
+  s.z = restrict_uv(root.z + at_interior<T>(f.mid * root.bump_z), ru, rv);
+  s.dx += sum(f.deviation * abs(root.bump_x));
+  s.dy += sum(f.deviation * abs(root.bump_y));
+  s.dz += sum(f.deviation * abs(root.bump_z));
+  const Quad<T> c = abs(f.mid);
+  const T worst = std::max(std::max(c[0], c[1]), std::max(c[2], c[3]));
+  s.bump_gain += 2 * worst * bump_slope<T>;
+  return s;
+}
+template <class T, class Bits>
+SubPatch<T> recover(const RootPatch<T>& root, const Domain<Bits>& d) {
+  const T su = interval_size<T>(d.level_u), sv = interval_size<T>(d.level_v);
+  return recover(root, T(d.index_u) * su, T(d.index_v) * sv, su, sv);
+}
+
+/// S3: both halves of a subpatch. A Bezier subpatch is split by de Casteljau; a Gregory one is
+/// recovered anew, with tighter blends.
+template <class T>
+void split(const RootPatch<T>& root, const SubPatch<T>& s, bool across_u, SubPatch<T> (&child)[2]) {
+  const T su = across_u ? s.size_u / 2 : s.size_u, sv = across_u ? s.size_v : s.size_v / 2;
+  const T u1 = across_u ? s.u0 + su : s.u0, v1 = across_u ? s.v0 : s.v0 + sv;
+  if (root.gregory) {
+    child[0] = recover(root, s.u0, s.v0, su, sv);
+    child[1] = recover(root, u1, v1, su, sv);
+    return;
+  }
+  child[0] = child[1] = s;
+  child[0].size_u = child[1].size_u = su, child[0].size_v = child[1].size_v = sv;
+  child[1].u0 = u1, child[1].v0 = v1;
+  const auto halves = [&](const Net<T>& n, Net<T>& low, Net<T>& high) {
+    if (across_u) {
+      const Spread<T> p = spread_columns(n);
+      low = restrict_u(p, low_half<T>()), high = restrict_u(p, high_half<T>());
+    } else {
+      const Spread<T> p = spread_rows(n);
+      low = restrict_v(p, low_half<T>()), high = restrict_v(p, high_half<T>());
+    }
+  };
+  halves(s.x, child[0].x, child[1].x);
+  halves(s.y, child[0].y, child[1].y);
+  halves(s.z, child[0].z, child[1].z);
+}
+
+/// S2 for a subpatch.
+template <class T>
+bool misses(const SubPatch<T>& s, T zmin, T zmax) {
+  return misses_zero(s.x, s.dx) || misses_zero(s.y, s.dy) || all_above(s.z, zmax + s.dz) ||
+         all_below(s.z, zmin - s.dz);
+}
+/// S4: the box of the subpatch is as small as the bounds allow to tell, in each component.
+template <class T>
+bool is_point(const RootPatch<T>& root, const SubPatch<T>& s) {
+  const auto within = [](const Net<T>& n, T e) { return all_below(n, e) && all_above(n, -e); };
+  const T z = s.z.part[0][0];
+  return within(s.x, s.dx + root.eps_x) && within(s.y, s.dy + root.eps_y) &&
+         within(s.z - z, s.dz + root.eps_z);
+}
+
+/// Meets `ray` with a patch. `zmax` is the far end of the ray, lowered by `on_hit` as it likes:
+/// on_hit(const PatchRoot<T>&, T& zmax) returns true to end the search.
+template <class T, bool use_newton, class OnHit>
+void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray,
+                     T& zmax, OnHit&& on_hit, PatchCounters& count) {
+  ++count.patch_tests;
+  RootPatch<T> root = to_ray_frame(net, bump, ray);  // S1
+  charge_rounding(root);
+  if (misses(root, ray.zmin, zmax)) {  // S2: sign test
+    ++count.early_outs;
+    return;
+  }
+  to_local_frame(root);
+  if (misses(root, ray.zmin, zmax)) {  // S2 in the local frame
+    ++count.early_outs;
+    return;
+  }
+
+  using Bits = std::conditional_t<std::is_same_v<T, float>, std::uint32_t, std::uint64_t>;
+  Domain<Bits> domain;
+  SubPatch<T> sub{root.x,
+                  root.y,
+                  root.z,
+                  root.eps_x + bump_reach<T>(root.bump_x),
+                  root.eps_y + bump_reach<T>(root.bump_y),
+                  root.eps_z + bump_reach<T>(root.bump_z),
+                  0,
+                  0,
+                  1,
+                  1,
+                  bump_slope<T>};
+  const std::uint32_t first_split = count.splits;
+  while (true) {
+    bool done = false;  // with this subdomain
+    if constexpr (use_newton) {
+      PatchRoot<T> r;
+      ++count.newton_runs;
+      const NewtonResult result = newton(root, sub, r, count.newton_steps);  // S8
+      done = result != NewtonResult::undecided;
+      if (result == NewtonResult::hit && on_hit(r, zmax)) return;
+    }
+    const int deepest = std::max(domain.level_u, domain.level_v);
+    if (!done && (deepest == max_level<T> || is_point(root, sub))) {  // S4: terminate
+      const T u = sub.u0 + sub.size_u / 2, v = sub.v0 + sub.size_v / 2;
+      if (on_hit(PatchRoot<T>{u, v, evaluate(root, u, v).z, std::max(sub.size_u, sub.size_v) / 2},
+                 zmax))
+        return;
+      done = true;
+    }
+    if (!done && count.splits - first_split == max_splits) {
+      ++count.unresolved;
+      return;
+    }
+    if (!done) {  // S3: split
+      ++count.splits;
+      SubPatch<T> child[2];
+      split(root, sub, domain.splits_u(), child);
+      const bool hit0 = !misses(child[0], ray.zmin, zmax), hit1 = !misses(child[1], ray.zmin, zmax);
+      if (hit0 || hit1) {
+        // The nearer child first; its sibling goes into the trail.
+        const bool second = hit0 && hit1 ? sum(sum_rows(child[1].z - child[0].z)) < 0 : hit1;
+        domain.descend(second, hit0 && hit1);
+        sub = child[second];
+        continue;
+      }
+    }
+    do {  // S5: next subdomain
+      if (!domain.next()) return;
+      ++count.backtracks;
+      sub = recover(root, domain);  // S6, S7
+    } while (misses(sub, ray.zmin, zmax));
+  }
+}
+
+}  // namespace LIMITRAY_ISA
+}  // namespace limitray

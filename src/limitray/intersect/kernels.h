@@ -1,0 +1,76 @@
+// Stage: intersection. The functions that exist once for each instruction set, as a table.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "limitray/bvh/builder.h"
+#include "limitray/patches/patch_buffer.h"
+#include "limitray/scene.h"
+
+namespace limitray {
+
+/// What the kernels read of one mesh. Patches are stored in the order of the tree's leaves.
+template <class T>
+struct GeometryView {
+  const PatchNet<T>* nets;
+  const PatchBump<T>* bumps;
+  const PatchInfo* infos;
+  const std::uint32_t* patch_ids;  // leaf -> patch id as the refiner numbered it
+  const BvhNode* nodes;            // null for an empty surface
+  Vec3d origin;
+  double radius;
+  bool left_handed;
+};
+/// One placement of a mesh.
+struct InstanceView {
+  std::uint32_t geometry;
+  bool identity;
+  Affine to_object, to_world;
+};
+template <class T>
+struct SceneView {
+  std::span<const GeometryView<T>> geometries;
+  std::span<const InstanceView> instances;
+  const BvhNode* nodes;  // over instances; null for none
+  Vec3d origin;          // of the boxes in `nodes`
+  double radius;
+  bool use_newton;
+};
+
+/// One intersection among all along a ray.
+struct Intersection {
+  double t, t_error, u, v;
+  Vec3d normal;
+  bool front;
+  std::uint32_t geometry_id, primitive_id, sub_quad;
+};
+
+struct Kernels {
+  const char* name;
+  Box (*patch_bounds)(const PatchNet<float>&, const PatchBump<float>*, float padding);
+  void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, std::size_t begin,
+                    std::size_t end, const HitArrays<float>&, Statistics&);
+  void (*closest_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t begin,
+                    std::size_t end, const HitArrays<double>&, Statistics&);
+  void (*occluded_f)(const SceneView<float>&, const RayBatch<float>&, std::size_t begin,
+                     std::size_t end, std::uint8_t*, Statistics&);
+  void (*occluded_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t begin,
+                     std::size_t end, std::uint8_t*, Statistics&);
+  /// All intersections of ray `i`, in no order, duplicates at shared borders included.
+  void (*all_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t i,
+                std::vector<Intersection>&, Statistics&);
+};
+
+/// The table for this machine: the widest instruction set it has, or the one that the environment
+/// variable LIMITRAY_ISA names (avx512, avx2, portable). Throws std::runtime_error if the variable
+/// names none, or one that the machine lacks.
+const Kernels& kernels();
+
+// One a translation unit, kernels_<isa>.cpp.
+const Kernels& kernels_portable();
+const Kernels& kernels_avx2();
+const Kernels& kernels_avx512();
+
+}  // namespace limitray

@@ -1,0 +1,96 @@
+// Stage: intersection, S1 and S2. A patch in the frame of a ray: x = y = 0 is the ray, z the depth
+// along it. Everything later (splits, recovered subpatches, Newton steps) is computed from this.
+#pragma once
+
+#include "limitray/intersect/ray.h"
+#include "limitray/patches/gregory.h"
+#include "limitray/patches/patch_buffer.h"
+
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+template <class T>
+struct RootPatch {
+  Net<T> x, y, z;
+  Quad<T> bump_x, bump_y, bump_z;  // zero for a Bezier patch
+  bool gregory;
+  T eps_x, eps_y, eps_z;  // bound on all rounding of x, y, z anywhere on the patch
+};
+
+/// S1: the control values of a patch in the frame of the ray. `bump` is null for a Bezier patch.
+template <class T>
+RootPatch<T> to_ray_frame(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& r) {
+  RootPatch<T> p;
+  const Net<T> depth = load_net(net.c[r.axis_z]) - r.org[r.axis_z];
+  p.x = load_net(net.c[r.axis_x]) - r.org[r.axis_x] + r.shear_x * depth;
+  p.y = load_net(net.c[r.axis_y]) - r.org[r.axis_y] + r.shear_y * depth;
+  p.z = r.sign_z * depth;
+  p.gregory = bump != nullptr;
+  if (bump) {
+    const Quad<T> bump_depth = load_quad(bump->c[r.axis_z]);
+    p.bump_x = load_quad(bump->c[r.axis_x]) + r.shear_x * bump_depth;
+    p.bump_y = load_quad(bump->c[r.axis_y]) + r.shear_y * bump_depth;
+    p.bump_z = r.sign_z * bump_depth;
+  } else {
+    p.bump_x = p.bump_y = p.bump_z = Quad<T>{};
+  }
+  p.eps_x = p.eps_y = r.eps;
+  p.eps_z = r.eps_z;
+  return p;
+}
+
+/// S2 on one component: no point of a net, each moved by at most `slack`, reaches 0.
+template <class T>
+bool misses_zero(const Net<T>& n, T slack) {
+  return all_above(n, slack) || all_below(n, -slack);
+}
+
+/// Largest move of a net's interior by the whole bump: 0.0667 < 1/15 + rounding of each |bump|.
+template <class T>
+T bump_reach(const Quad<T>& bump) {
+  return T(0.067) * sum(abs(bump));
+}
+
+/// S2: whether the ray certainly misses the patch between zmin and zmax.
+template <class T>
+bool misses(const RootPatch<T>& p, T zmin, T zmax) {
+  T dx = p.eps_x, dy = p.eps_y, dz = p.eps_z;
+  if (p.gregory) {
+    dx += bump_reach<T>(p.bump_x);
+    dy += bump_reach<T>(p.bump_y);
+    dz += bump_reach<T>(p.bump_z);
+  }
+  return misses_zero(p.x, dx) || misses_zero(p.y, dy) || all_above(p.z, zmax + dz) ||
+         all_below(p.z, zmin - dz);
+}
+
+/// Position in the ray's frame and its first derivatives by the patch parameters.
+template <class T>
+struct RaySample {
+  T x, y, z;
+  T x_u, x_v, y_u, y_v;
+};
+/// The surface at (u,v), with the true derivatives of the Gregory blend.
+///
+/// Rounding: weights are off by gamma(4) * 3/2 each, their products and the 16-term sums add
+/// gamma(8); with sum |B_i| = 1 the result is within 32 u max|net| of exact arithmetic.
+template <class T>
+RaySample<T> evaluate(const RootPatch<T>& p, T u, T v) {
+  const Quad<T> bu = bernstein(u), du = bernstein_derivative(u);
+  const Net<T> bv = along_columns<T>(bernstein(v)), dv = along_columns<T>(bernstein_derivative(v));
+  const Quad<T> x = sum_rows(p.x * bv), y = sum_rows(p.y * bv), z = sum_rows(p.z * bv);
+  Quad<T> qx = x * bu, qy = y * bu, qz = z * bu;
+  Quad<T> qx_u = x * du, qy_u = y * du;
+  Quad<T> qx_v = sum_rows(p.x * dv) * bu, qy_v = sum_rows(p.y * dv) * bu;
+  if (p.gregory) {
+    const BumpWeights<T> w = bump_weights(u, v);
+    qx += w.g * p.bump_x, qy += w.g * p.bump_y, qz += w.g * p.bump_z;
+    qx_u += w.g_s * p.bump_x, qy_u += w.g_s * p.bump_y;
+    qx_v += w.g_t * p.bump_x, qy_v += w.g_t * p.bump_y;
+  }
+  const Quad<T> a = sum4(qx, qx_u, qx_v, qz), b = sum4(qy, qy_u, qy_v, qy_v);
+  return {a[0], b[0], a[3], a[1], a[2], b[1], b[2]};
+}
+
+}  // namespace LIMITRAY_ISA
+}  // namespace limitray

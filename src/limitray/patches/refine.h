@@ -1,0 +1,44 @@
+// Stage: patches (S0). Comes in: a validated control cage. Goes out: a PatchBuffer in double.
+//
+// refine.cpp is the only file that includes OpenSubdiv. Feature-adaptive refinement after
+// Niessner et al. 2012, "Feature-Adaptive GPU Rendering of Catmull-Clark Subdivision Surfaces";
+// semi-sharp creases as exact Bezier pieces (same paper, section 5).
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "limitray/cage/cage.h"
+#include "limitray/patches/patch_buffer.h"
+
+namespace limitray {
+
+struct RefineOptions {
+  int isolation_level = 4;  // 1..10: how deep irregular features are isolated
+};
+
+/// The topology of a cage, refined once; makes patches for any positions of its points.
+class Refiner {
+ public:
+  /// Refines the topology. Throws std::invalid_argument if the cage cannot be refined.
+  Refiner(const ControlCage& cage, const RefineOptions& options);
+  ~Refiner();
+  Refiner(Refiner&&) noexcept;
+  Refiner& operator=(Refiner&&) noexcept;
+
+  /// Patches of the surface for control points `points` (as many as the cage has). Patch order is
+  /// the same at each call.
+  PatchBuffer<double> make_patches(std::span<const Vec3d> points) const;
+
+ private:
+  struct Topology;
+  std::unique_ptr<Topology> topology_;
+};
+
+/// `patches` rounded once to T, each patch moved to its place in `order` (patch i of the result is
+/// order[i] of the input; empty: same order).
+template <class T>
+PatchBuffer<T> round_patches(const PatchBuffer<double>& patches,
+                             std::span<const std::uint32_t> order = {});
+
+}  // namespace limitray

@@ -1,0 +1,437 @@
+#include "limitray/scene.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+
+#include "limitray/bvh/bounds.h"
+#include "limitray/intersect/kernels.h"
+#include "limitray/patches/refine.h"
+
+namespace limitray {
+namespace {
+
+/// One mesh: its cage, its patches in the order of the tree's leaves, its tree.
+struct Geometry {
+  ControlCage cage;
+  Refiner refiner;
+  PatchBuffer<float> patches;
+  Bvh bvh;
+  double build_seconds = 0;
+
+  // The double path's patches, made when first asked for.
+  mutable std::mutex mutex;
+  mutable PatchBuffer<double> patches_double;
+
+  Geometry(ControlCage c, const RefineOptions& options)
+      : cage(std::move(c)), refiner(cage, options) {}
+
+  const PatchBuffer<double>& in_double() const {
+    const std::lock_guard lock(mutex);
+    if (patches_double.size() != patches.size())
+      patches_double = round_patches<double>(refiner.make_patches(cage.points), bvh.order);
+    return patches_double;
+  }
+};
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+template <class T>
+GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
+  return {p.nets.data(),
+          p.bumps.data(),
+          p.infos.data(),
+          g.bvh.order.data(),
+          g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
+          p.origin,
+          g.patches.radius,
+          g.cage.orientation == Orientation::left_handed};
+}
+
+std::vector<Box> boxes_of(const PatchBuffer<float>& p) {
+  std::vector<Box> boxes(p.size());
+  const float padding = box_padding(p.radius);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, p.size(), 256), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) {
+      const std::uint32_t b = p.infos[i].bump;
+      boxes[i] =
+          kernels().patch_bounds(p.nets[i], b == no_bump ? nullptr : &p.bumps[b], padding);
+    }
+  });
+  return boxes;
+}
+
+void check_points(std::span<const Vec3d> points, std::size_t expected) {
+  if (points.size() != expected)
+    throw std::invalid_argument("points: must have " + std::to_string(expected) +
+                                " rows like the mesh, got " + std::to_string(points.size()));
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (!std::isfinite(points[i].x) || !std::isfinite(points[i].y) || !std::isfinite(points[i].z))
+      throw std::invalid_argument("points[" + std::to_string(i) + "]: must be finite");
+}
+
+/// Inverse of an affine map. Throws if it has none.
+Affine inverse(const Affine& a) {
+  const auto& m = a.linear;
+  const Vec3d c0 = cross(m[1], m[2]), c1 = cross(m[2], m[0]), c2 = cross(m[0], m[1]);
+  const double det = dot(m[0], c0);
+  Affine r;
+  r.linear = {Vec3d{c0.x, c1.x, c2.x}, Vec3d{c0.y, c1.y, c2.y}, Vec3d{c0.z, c1.z, c2.z}};
+  for (Vec3d& row : r.linear) row = (1 / det) * row;
+  r.offset = -1.0 * r.vector(a.offset);
+  const double check = length(r.linear[0]) + length(r.linear[1]) + length(r.linear[2]);
+  if (!std::isfinite(check) || !std::isfinite(length(r.offset)))
+    throw std::invalid_argument("transform: must be finite and invertible, determinant is " +
+                                std::to_string(det));
+  return r;
+}
+bool is_identity(const Affine& a) {
+  for (int i = 0; i < 3; ++i) {
+    if (a.offset[i] != 0) return false;
+    for (int j = 0; j < 3; ++j)
+      if (a.linear[std::size_t(i)][j] != (i == j ? 1 : 0)) return false;
+  }
+  return true;
+}
+
+/// Adds up the work of one block of rays.
+void add(Statistics& sum, const Statistics& s) {
+  sum.rays += s.rays;
+  sum.node_visits += s.node_visits;
+  sum.patch_tests += s.patch_tests;
+  sum.early_outs += s.early_outs;
+  sum.splits += s.splits;
+  sum.backtracks += s.backtracks;
+  sum.newton_runs += s.newton_runs;
+  sum.newton_steps += s.newton_steps;
+  sum.unresolved += s.unresolved;
+}
+
+template <class T>
+void check_batch(const RayBatch<T>& rays) {
+  const std::size_t n = rays.size();
+  if (rays.rays.size() != 6 * n)
+    throw std::invalid_argument("rays: must have 6 values a ray, got " +
+                                std::to_string(rays.rays.size()) + " values");
+  const auto check = [n](std::size_t got, const char* name) {
+    if (got != n && got != 1)
+      throw std::invalid_argument(std::string(name) + ": must have one value, or one a ray (" +
+                                  std::to_string(n) + "), got " + std::to_string(got));
+  };
+  check(rays.tnear.size(), "tnear");
+  check(rays.tfar.size(), "tfar");
+}
+
+/// Intersections of one ray, sorted by t; what a shared border reported twice is counted once: same
+/// geometry, same side of the surface, t equal within the bounds.
+void sort_and_merge(std::vector<Intersection>& hits) {
+  std::sort(hits.begin(), hits.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
+  std::vector<Intersection> merged;
+  for (const Intersection& h : hits) {
+    bool known = false;
+    for (std::size_t k = merged.size(); k-- > 0 && !known;) {
+      const Intersection& m = merged[k];
+      known = m.geometry_id == h.geometry_id && m.front == h.front &&
+              h.t - m.t <= m.t_error + h.t_error;
+    }
+    if (!known) merged.push_back(h);
+  }
+  hits = std::move(merged);
+}
+
+}  // namespace
+
+struct Scene::State {
+  tbb::task_arena arena;
+  std::vector<std::unique_ptr<Geometry>> geometries;
+  std::vector<InstanceView> instances;
+  bool use_newton = true;
+
+  // Tree over the instances; boxes are relative to `origin`.
+  Bvh top;
+  Vec3d origin{};
+  double radius = 0;
+
+  mutable std::mutex statistics_mutex;
+  mutable Statistics statistics;
+
+  explicit State(int threads)
+      : arena(threads == 0 ? int(tbb::task_arena::automatic) : threads) {}
+
+  std::array<Vec3d, 2> world_bounds(const InstanceView& in) const {
+    const Geometry& g = *geometries[in.geometry];
+    const double inf = std::numeric_limits<double>::infinity();
+    std::array<Vec3d, 2> b{Vec3d{inf, inf, inf}, Vec3d{-inf, -inf, -inf}};
+    if (g.bvh.nodes.empty()) return b;
+    for (int corner = 0; corner < 8; ++corner) {
+      Vec3d p = g.patches.origin;
+      for (int i = 0; i < 3; ++i)
+        p[i] += double(corner >> i & 1 ? g.bvh.bounds.hi[i] : g.bvh.bounds.lo[i]);
+      p = in.to_world.point(p);
+      for (int i = 0; i < 3; ++i) {
+        b[0][i] = std::min(b[0][i], p[i]);
+        b[1][i] = std::max(b[1][i], p[i]);
+      }
+    }
+    return b;
+  }
+
+  /// Rebuilds the tree over the instances.
+  void build_top() {
+    const std::array<Vec3d, 2> all = bounds();
+    top = Bvh{};
+    if (instances.size() < 2 || !(all[0].x <= all[1].x)) return;
+    origin = 0.5 * (all[0] + all[1]);
+    radius = 0;
+    for (int i = 0; i < 3; ++i) radius = std::max(radius, all[1][i] - origin[i]);
+    const float padding = box_padding(radius);
+    std::vector<Box> boxes;
+    std::vector<std::uint32_t> items;
+    for (std::uint32_t k = 0; k < instances.size(); ++k) {
+      const std::array<Vec3d, 2> b = world_bounds(instances[k]);
+      if (!(b[0].x <= b[1].x)) continue;  // an empty surface
+      Box box;
+      for (int i = 0; i < 3; ++i) {
+        box.lo[i] = -float_up(origin[i] - b[0][i]) - padding;
+        box.hi[i] = float_up(b[1][i] - origin[i]) + padding;
+      }
+      boxes.push_back(box);
+      items.push_back(k);
+    }
+    top = build_bvh(boxes);
+    // A leaf of the tree must name the instance itself.
+    for (BvhNode& node : top.nodes)
+      for (std::uint32_t& child : node.child)
+        if (child & leaf_flag) child = leaf_flag | items[top.order[child & ~leaf_flag]];
+  }
+
+  std::array<Vec3d, 2> bounds() const {
+    const double inf = std::numeric_limits<double>::infinity();
+    std::array<Vec3d, 2> all{Vec3d{inf, inf, inf}, Vec3d{-inf, -inf, -inf}};
+    for (const InstanceView& in : instances) {
+      const std::array<Vec3d, 2> b = world_bounds(in);
+      for (int i = 0; i < 3; ++i) {
+        all[0][i] = std::min(all[0][i], b[0][i]);
+        all[1][i] = std::max(all[1][i], b[1][i]);
+      }
+    }
+    return all;
+  }
+
+  template <class T>
+  std::vector<GeometryView<T>> geometry_views() const {
+    std::vector<GeometryView<T>> v;
+    for (const auto& g : geometries) {
+      if constexpr (std::is_same_v<T, float>)
+        v.push_back(view_of(*g, g->patches));
+      else
+        v.push_back(view_of(*g, g->in_double()));
+    }
+    return v;
+  }
+
+  /// Runs body(scene view, begin, end, statistics) over blocks of n rays.
+  template <class T, class Body>
+  void parallel(std::size_t n, Progress* progress, const Body& body) {
+    arena.execute([&] {
+      const std::vector<GeometryView<T>> views = geometry_views<T>();
+      const SceneView<T> view{views,
+                              instances,
+                              top.nodes.empty() ? nullptr : top.nodes.data(),
+                              origin,
+                              radius,
+                              use_newton};
+      const std::size_t grain = std::is_same_v<T, float> ? 512 : 128;
+      tbb::parallel_for(
+          tbb::blocked_range<std::size_t>(0, n, grain),
+          [&](const auto& range) {
+            if (progress && progress->cancel) return;
+            Statistics s;
+            body(view, range.begin(), range.end(), s);
+            if (progress) progress->done += range.size();
+            const std::lock_guard lock(statistics_mutex);
+            add(statistics, s);
+          },
+          tbb::simple_partitioner());
+    });
+    if (progress && progress->cancel) throw Cancelled();
+  }
+
+  const InstanceView& instance(std::uint32_t id) const {
+    if (id >= instances.size())
+      throw std::invalid_argument("geometry_id: must be below " +
+                                  std::to_string(instances.size()) + ", got " +
+                                  std::to_string(id));
+    return instances[id];
+  }
+};
+
+Scene::Scene(int threads) {
+  if (threads < 0)
+    throw std::invalid_argument("threads: must be 0 (all cores) or more, got " +
+                                std::to_string(threads));
+  kernels();  // reports a wrong LIMITRAY_ISA early
+  state_ = std::make_unique<State>(threads);
+}
+Scene::~Scene() = default;
+Scene::Scene(Scene&&) noexcept = default;
+Scene& Scene::operator=(Scene&&) noexcept = default;
+
+std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Progress* progress) {
+  const auto start = std::chrono::steady_clock::now();
+  const auto stop = [progress] {
+    if (progress && progress->cancel) throw Cancelled();
+  };
+  const Affine to_object = inverse(options.transform);
+  validate(cage);
+  state_->arena.execute([&] {
+    stop();
+    auto g = std::make_unique<Geometry>(std::move(cage), RefineOptions{options.isolation_level});
+    stop();
+    const PatchBuffer<double> patches = g->refiner.make_patches(g->cage.points);
+    stop();
+    // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
+    g->bvh = build_bvh(boxes_of(round_patches<float>(patches)));
+    stop();
+    g->patches = round_patches<float>(patches, g->bvh.order);
+    g->build_seconds = seconds_since(start);
+    state_->geometries.push_back(std::move(g));
+  });
+  state_->instances.push_back({std::uint32_t(state_->geometries.size() - 1),
+                               is_identity(options.transform), to_object, options.transform});
+  state_->build_top();
+  return std::uint32_t(state_->instances.size() - 1);
+}
+
+std::uint32_t Scene::add_instance(std::uint32_t geometry_id, const Affine& transform) {
+  const std::uint32_t geometry = state_->instance(geometry_id).geometry;
+  state_->instances.push_back({geometry, is_identity(transform), inverse(transform), transform});
+  state_->build_top();
+  return std::uint32_t(state_->instances.size() - 1);
+}
+
+void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> points) {
+  Geometry& g = *state_->geometries[state_->instance(geometry_id).geometry];
+  check_points(points, g.cage.points.size());
+  state_->arena.execute([&] {
+    g.patches = round_patches<float>(g.refiner.make_patches(points), g.bvh.order);
+    g.cage.points.assign(points.begin(), points.end());
+    g.patches_double = PatchBuffer<double>{};
+    refit_bvh(g.bvh, boxes_of(g.patches));
+  });
+  state_->build_top();
+}
+
+template <>
+void Scene::cast_rays(const RayBatch<float>& rays, const HitArrays<float>& hits,
+                      Progress* progress) const {
+  check_batch(rays);
+  state_->parallel<float>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+    kernels().closest_f(view, rays, b, e, hits, s);
+  });
+}
+template <>
+void Scene::cast_rays(const RayBatch<double>& rays, const HitArrays<double>& hits,
+                      Progress* progress) const {
+  check_batch(rays);
+  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+    kernels().closest_d(view, rays, b, e, hits, s);
+  });
+}
+template <>
+void Scene::test_occlusions(const RayBatch<float>& rays, std::uint8_t* occluded,
+                            Progress* progress) const {
+  check_batch(rays);
+  state_->parallel<float>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+    kernels().occluded_f(view, rays, b, e, occluded, s);
+  });
+}
+template <>
+void Scene::test_occlusions(const RayBatch<double>& rays, std::uint8_t* occluded,
+                            Progress* progress) const {
+  check_batch(rays);
+  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+    kernels().occluded_d(view, rays, b, e, occluded, s);
+  });
+}
+
+void Scene::count_intersections(const RayBatch<double>& rays, std::uint32_t* counts,
+                                Progress* progress) const {
+  check_batch(rays);
+  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+    std::vector<Intersection> hits;
+    for (std::size_t i = b; i < e; ++i) {
+      hits.clear();
+      kernels().all_d(view, rays, i, hits, s);
+      sort_and_merge(hits);
+      counts[i] = std::uint32_t(hits.size());
+    }
+  });
+}
+
+IntersectionList Scene::list_intersections(const RayBatch<double>& rays,
+                                           Progress* progress) const {
+  check_batch(rays);
+  std::vector<std::vector<Intersection>> all(rays.size());
+  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+    for (std::size_t i = b; i < e; ++i) {
+      kernels().all_d(view, rays, i, all[i], s);
+      sort_and_merge(all[i]);
+    }
+  });
+  IntersectionList list;
+  list.offsets.push_back(0);
+  for (const auto& hits : all) {
+    for (const Intersection& h : hits) {
+      list.t.push_back(h.t);
+      list.uv.insert(list.uv.end(), {h.u, h.v});
+      list.normal.insert(list.normal.end(), {h.normal.x, h.normal.y, h.normal.z});
+      list.geometry_id.push_back(h.geometry_id);
+      list.primitive_id.push_back(h.primitive_id);
+      list.sub_quad.push_back(h.sub_quad);
+    }
+    list.offsets.push_back(list.t.size());
+  }
+  return list;
+}
+
+std::size_t Scene::geometry_count() const { return state_->instances.size(); }
+
+MeshStatistics Scene::mesh_statistics(std::uint32_t geometry_id) const {
+  const Geometry& g = *state_->geometries[state_->instance(geometry_id).geometry];
+  MeshStatistics s;
+  s.patches = g.patches.size();
+  s.gregory_patches = g.patches.bumps.size();
+  for (const PatchInfo& info : g.patches.infos) {
+    if (info.level >= s.patches_by_level.size()) s.patches_by_level.resize(info.level + 1u);
+    ++s.patches_by_level[info.level];
+  }
+  s.patch_bytes = g.patches.bytes() + g.bvh.order.size() * sizeof(std::uint32_t);
+  s.bvh_bytes = g.bvh.bytes();
+  s.build_seconds = g.build_seconds;
+  return s;
+}
+
+std::array<Vec3d, 2> Scene::bounds() const { return state_->bounds(); }
+
+Statistics Scene::statistics() const {
+  const std::lock_guard lock(state_->statistics_mutex);
+  return state_->statistics;
+}
+void Scene::reset_statistics() {
+  const std::lock_guard lock(state_->statistics_mutex);
+  state_->statistics = Statistics{};
+}
+std::string Scene::isa() { return kernels().name; }
+void Scene::set_newton(bool on) { state_->use_newton = on; }
+
+}  // namespace limitray
