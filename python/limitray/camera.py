@@ -75,7 +75,8 @@ class Camera:
         cls,
         scene: Scene,
         aspect: float = 4 / 3,
-        direction: ArrayLike = (-0.55, -0.42, -1.0),
+        azimuth_deg: float = 30.0,
+        elevation_deg: float = 22.0,
         up: Vector = (0.0, 1.0, 0.0),
         fov_deg: float = 28.0,
         margin: float = 0.08,
@@ -90,8 +91,11 @@ class Camera:
             Must not be empty.
         aspect : float
             Width over height of the picture.
-        direction : (3,)
-            Direction of view.
+        azimuth_deg : float
+            How far the eye is turned to the right of the front, in degrees. The front is seen
+            along -z if y is up, and along +y if z is up.
+        elevation_deg : float
+            How far the eye is above the horizon, in degrees, between -90 and 90.
         up : (3,)
             Direction that points up in the picture.
         fov_deg : float
@@ -99,6 +103,7 @@ class Camera:
         margin : float
             Free part of the picture on each side, 0 to below 0.5.
         """
+        direction = _view_direction(azimuth_deg, elevation_deg, up)
         corners = np.array(list(product(*scene.bounds().T)))
         camera = _fit(corners, aspect, direction, up, fov_deg, margin)
         size = FRAMING_RESOLUTION
@@ -108,6 +113,17 @@ class Camera:
         hits = scene.cast_rays(rays, attributes=("points",))
         seen = hits["points"][np.isfinite(hits["t_hit"])].astype(np.float64)
         return _fit(seen, aspect, direction, up, fov_deg, margin) if len(seen) > 1 else camera
+
+
+def _view_direction(azimuth_deg: float, elevation_deg: float, up: Vector) -> NDArray[np.float64]:
+    """Unit direction of view from an eye at the given angles (degrees) around the axis `up`."""
+    if not -90 < elevation_deg < 90:
+        raise ValueError(f"elevation_deg must be between -90 and 90, not {elevation_deg}")
+    side = (1, 0, 0) if np.any(np.cross(up, (1, 0, 0))) else (0, 1, 0)
+    right, upward, front = look_axes(np.cross(up, side), up)
+    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+    level = np.cos(azimuth) * front - np.sin(azimuth) * right
+    return np.asarray(np.cos(elevation) * level - np.sin(elevation) * upward)
 
 
 def look_axes(view: ArrayLike, up: ArrayLike) -> NDArray[np.float64]:

@@ -1,0 +1,56 @@
+"""What the tests look at: small meshes, the cages of the project, and rays."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+import limitray as lr
+
+REPOSITORY = Path(__file__).parents[2]
+CAGES = sorted((REPOSITORY / "tests/cages").glob("*.obj"))
+MODELS_FOLDER = Path(os.environ.get("LIMITRAY_MODELS", REPOSITORY.parent / "shared/models"))
+MODELS = sorted(MODELS_FOLDER.rglob("*.obj"))
+CLOSED = ("cube", "cube_semi_2_5", "cube_inf_loop", "torus", "icosahedron", "prism_5", "pole_8")
+
+CUBE_POINTS = [(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
+CUBE_INDICES = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 1, 3, 7, 5, 3, 2, 6, 7, 2, 0, 4, 6]
+
+
+def cube(**arguments):
+    """A cube of side 2: eight vertices of valence 3."""
+    return lr.Mesh(CUBE_POINTS, [4] * 6, CUBE_INDICES, **arguments)
+
+
+def square():
+    """The flat unit square, on which p(u, v) = (u, v, 0)."""
+    return lr.Mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [4], [0, 1, 2, 3])
+
+
+def cage(name):
+    """A cage of tests/cages."""
+    return lr.Mesh.from_file(REPOSITORY / "tests/cages" / f"{name}.obj")
+
+
+def scene_of(*meshes, **arguments):
+    """A scene of `meshes`."""
+    scene = lr.Scene()
+    for mesh in meshes:
+        scene.add_mesh(mesh, **arguments)
+    return scene
+
+
+def extent(scene):
+    """Largest side of the bounds, and their middle."""
+    low, high = scene.bounds()
+    return float((high - low).max()), (low + high) / 2
+
+
+def rays_towards(scene, count, seed=0, dtype=np.float64):
+    """Random rays from a sphere around the scene towards points in its bounds."""
+    rng = np.random.default_rng(seed)
+    size, middle = extent(scene)
+    origins = rng.normal(size=(count, 3))
+    origins = middle + 2 * size * origins / np.linalg.norm(origins, axis=1, keepdims=True)
+    targets = rng.uniform(*scene.bounds(), size=(count, 3))
+    return np.concatenate([origins, targets - origins], axis=1).astype(dtype)
