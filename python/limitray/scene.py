@@ -185,7 +185,9 @@ class Scene:
         """Number of intersections along each ray (...), in double. Arguments as in `cast_rays`."""
         flat, shape = _flat_rays(rays)
         near, far = _limits(tnear, tfar, shape, np.dtype(np.float64))
-        counts = self._scene.count_intersections(flat.astype(np.float64), near, far, progress)
+        counts = self._scene.count_intersections(
+            flat.astype(np.float64, copy=False), near, far, progress
+        )
         return counts.reshape(shape)
 
     def list_intersections(
@@ -208,7 +210,9 @@ class Scene:
         """
         flat, shape = _flat_rays(rays)
         near, far = _limits(tnear, tfar, shape, np.dtype(np.float64))
-        found = self._scene.list_intersections(flat.astype(np.float64), near, far, progress)
+        found = self._scene.list_intersections(
+            flat.astype(np.float64, copy=False), near, far, progress
+        )
         splits = found.pop("ray_splits").astype(np.int64)
         ids = np.repeat(np.arange(len(flat)), np.diff(splits))
         return {"ray_splits": splits, "ray_ids": ids, **found}

@@ -18,6 +18,35 @@
 namespace limitray {
 namespace {
 
+template <class T>
+const PatchBump<T>* bump_of(const PatchBuffer<T>& p, std::size_t i) {
+  const std::uint32_t b = p.infos[i].bump;
+  return b == no_bump ? nullptr : &p.bumps[b];
+}
+
+/// Calls f(i) for i below n, in parallel.
+template <class F>
+void for_each_index(std::size_t n, const F& f) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 256), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
+  });
+}
+
+/// `patches` rounded, in the order of the tree's leaves, with their models.
+template <class T>
+PatchBuffer<T> patches_to_trace(const PatchBuffer<double>& patches,
+                                std::span<const std::uint32_t> order) {
+  PatchBuffer<T> p = round_patches<T>(patches, order);
+  p.models.resize(p.size());
+  for_each_index(p.size(), [&](std::size_t i) {
+    if constexpr (std::is_same_v<T, float>)
+      p.models[i] = kernels().patch_model_f(p.nets[i], bump_of(p, i));
+    else
+      p.models[i] = kernels().patch_model_d(p.nets[i], bump_of(p, i));
+  });
+  return p;
+}
+
 /// One mesh: its cage, its patches in the order of the tree's leaves, its tree.
 struct Geometry {
   ControlCage cage;
@@ -36,7 +65,7 @@ struct Geometry {
   const PatchBuffer<double>& in_double() const {
     const std::lock_guard lock(mutex);
     if (patches_double.size() != patches.size())
-      patches_double = round_patches<double>(refiner.make_patches(cage.points), bvh.order);
+      patches_double = patches_to_trace<double>(refiner.make_patches(cage.points), bvh.order);
     return patches_double;
   }
 };
@@ -50,6 +79,7 @@ GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
   return {p.nets.data(),
           p.bumps.data(),
           p.infos.data(),
+          p.models.data(),
           g.bvh.order.data(),
           g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
           p.origin,
@@ -60,12 +90,8 @@ GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
 std::vector<Box> boxes_of(const PatchBuffer<float>& p) {
   std::vector<Box> boxes(p.size());
   const float padding = box_padding(p.radius);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, p.size(), 256), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) {
-      const std::uint32_t b = p.infos[i].bump;
-      boxes[i] =
-          kernels().patch_bounds(p.nets[i], b == no_bump ? nullptr : &p.bumps[b], padding);
-    }
+  for_each_index(p.size(), [&](std::size_t i) {
+    boxes[i] = kernels().patch_bounds(p.nets[i], bump_of(p, i), padding);
   });
   return boxes;
 }
@@ -302,7 +328,7 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
     // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
     g->bvh = build_bvh(boxes_of(round_patches<float>(patches)));
     stop();
-    g->patches = round_patches<float>(patches, g->bvh.order);
+    g->patches = patches_to_trace<float>(patches, g->bvh.order);
     g->build_seconds = seconds_since(start);
     state_->geometries.push_back(std::move(g));
   });
@@ -323,7 +349,7 @@ void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> poin
   Geometry& g = *state_->geometries[state_->instance(geometry_id).geometry];
   check_points(points, g.cage.points.size());
   state_->arena.execute([&] {
-    g.patches = round_patches<float>(g.refiner.make_patches(points), g.bvh.order);
+    g.patches = patches_to_trace<float>(g.refiner.make_patches(points), g.bvh.order);
     g.cage.points.assign(points.begin(), points.end());
     g.patches_double = PatchBuffer<double>{};
     refit_bvh(g.bvh, boxes_of(g.patches));

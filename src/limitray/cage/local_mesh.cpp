@@ -29,6 +29,7 @@ class Step {
 
   void run() {
     out_.clear(4);
+    find_face_middles();
     add_inner_points();
     add_children();
     recenter();
@@ -117,15 +118,20 @@ class Step {
     return rules_.chaikin ? decayed_chaikin(sharpness, in_.semi_sharp[vertex]) : decayed(sharpness);
   }
 
-  int face_point(int face) {
-    int& child = memo_.faces[face];
-    if (child == none) {
+  void find_face_middles() {
+    memo_.face_middles.clear();
+    for (int face = 0; face < in_.face_count(); ++face) {
       Vec3d sum{};
       for (int c = in_.face_offsets[face]; c < in_.face_offsets[face + 1]; ++c) {
         sum = sum + in_.points[in_.corner_vertices[c]];
       }
-      child = out_.add_point((1.0 / in_.face_size(face)) * sum, {});
+      memo_.face_middles.push_back((1.0 / in_.face_size(face)) * sum);
     }
+  }
+
+  int face_point(int face) {
+    int& child = memo_.faces[face];
+    if (child == none) child = out_.add_point(memo_.face_middles[face], {});
     return child;
   }
 
@@ -142,7 +148,7 @@ class Step {
   // A crease point is the middle of the edge. Where the crease ends at this level the point lies
   // between that and the smooth one; as in OpenSubdiv the sharpness is the weight even where
   // Chaikin's rule ends a crease that is sharper than 1.
-  Vec3d edge_position(int index) {
+  Vec3d edge_position(int index) const {
     const LocalMesh::Edge& edge = in_.edges[index];
     const Vec3d middle = 0.5 * (in_.points[edge.vertices[0]] + in_.points[edge.vertices[1]]);
     if (!is_sharp(edge.sharpness)) return smooth_edge_position(edge, middle);
@@ -154,13 +160,13 @@ class Step {
     return weight * middle + (1 - weight) * smooth_edge_position(edge, middle);
   }
 
-  Vec3d smooth_edge_position(const LocalMesh::Edge& edge, Vec3d middle) {
+  Vec3d smooth_edge_position(const LocalMesh::Edge& edge, Vec3d middle) const {
     double face_weight = 0;
     Vec3d faces{};
     for (const int face : edge.faces) {
       const bool smooth_triangle = rules_.smooth_triangles && in_.face_size(face) == 3;
       face_weight += 0.5 * (smooth_triangle ? smooth_triangle_weight : 0.25);
-      faces = faces + out_.points[face_point(face)];
+      faces = faces + memo_.face_middles[face];
     }
     return (1 - 2 * face_weight) * middle + face_weight * faces;
   }
@@ -176,7 +182,7 @@ class Step {
   }
 
   // Where the rule changes at this level, the point lies between those of both rules.
-  Vec3d vertex_position(int vertex) {
+  Vec3d vertex_position(int vertex) const {
     const auto own = [&](int edge) { return in_.edges[edge].sharpness; };
     const auto child = [&](int edge) { return child_sharpness(edge, vertex); };
     const VertexRule rule = in_.rule(vertex);
@@ -210,7 +216,7 @@ class Step {
   }
 
   template <class Sharpness>
-  Vec3d position_by_rule(int vertex, VertexRule rule, const Sharpness& sharpness) {
+  Vec3d position_by_rule(int vertex, VertexRule rule, const Sharpness& sharpness) const {
     const Vec3d own = in_.points[vertex];
     if (rule == VertexRule::corner) return own;
     Vec3d sum{};
@@ -225,7 +231,7 @@ class Step {
       sum = sum + in_.points[in_.other_end(edge, vertex)];
     }
     for (const int corner : in_.inner_corners[vertex]) {
-      sum = sum + out_.points[face_point(in_.corner_faces[corner])];
+      sum = sum + memo_.face_middles[in_.corner_faces[corner]];
     }
     return ((n - 2) / n) * own + (1 / (n * n)) * sum;
   }

@@ -65,6 +65,7 @@ struct SubdivisionRules {
 /// Remembers the children of a mesh while it is subdivided. Kept between steps for its memory.
 struct SubdivisionMemo {
   std::vector<int> vertices, edges, faces, half_edges, spokes;
+  std::vector<Vec3d> face_middles;
 };
 
 /// Writes to `out` the quarter of `in`'s face 0 at corner `corner` and the faces around it. For a

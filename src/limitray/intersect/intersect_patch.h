@@ -152,10 +152,11 @@ bool is_point(const RootPatch<T>& root, const SubPatch<T>& s) {
 
 /// Meets `ray` with a patch. `zmax` is the far end of the ray, lowered by `on_hit` as it likes:
 /// on_hit(const PatchRoot<T>&, T& zmax) returns true to end the search.
+///
+/// This is the reference: bisection, with S8 on the subpatches where `use_newton`.
 template <class T, bool use_newton, class OnHit>
-void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray,
-                     T& zmax, OnHit&& on_hit, PatchCounters& count) {
-  ++count.patch_tests;
+void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray, T& zmax,
+                  OnHit&& on_hit, PatchCounters& count) {
   RootPatch<T> root = to_ray_frame(net, bump, ray);  // S1
   charge_rounding(root);
   if (misses(root, ray.zmin, zmax)) {  // S2: sign test
@@ -186,8 +187,8 @@ void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const Pat
     bool done = false;  // with this subdomain
     if constexpr (use_newton) {
       PatchRoot<T> r;
-      ++count.newton_runs;
-      const NewtonResult result = newton(root, sub, r, count.newton_steps);  // S8
+      const NewtonResult result =
+          newton_on_subpatch(root, sub, r, count.newton_runs, count.newton_steps);  // S8
       done = result != NewtonResult::undecided;
       if (result == NewtonResult::hit && on_hit(r, zmax)) return;
     }
@@ -222,6 +223,21 @@ void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const Pat
       sub = recover(root, domain);  // S6, S7
     } while (misses(sub, ray.zmin, zmax));
   }
+}
+
+/// Meets `ray` with a patch as above: S8 on the whole patch by its model first, where `use_newton`.
+template <class T, bool use_newton, class OnHit>
+void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchModel<T>& model,
+                     const PatchRay<T>& ray, T& zmax, OnHit&& on_hit, PatchCounters& count) {
+  ++count.patch_tests;
+  if constexpr (use_newton) {
+    PatchRoot<T> r;
+    const NewtonResult result =
+        newton_on_model(model, net, bump, ray, r, count.newton_runs, count.newton_steps);
+    if (result == NewtonResult::hit) on_hit(r, zmax);
+    if (result != NewtonResult::undecided) return;
+  }
+  bisect_patch<T, use_newton>(net, bump, ray, zmax, on_hit, count);
 }
 
 }  // namespace LIMITRAY_ISA

@@ -17,6 +17,7 @@ struct GeometryView {
   const PatchNet<T>* nets;
   const PatchBump<T>* bumps;
   const PatchInfo* infos;
+  const PatchModel<T>* models;
   const std::uint32_t* patch_ids;  // leaf -> patch id as the refiner numbered it
   const BvhNode* nodes;            // null for an empty surface
   Vec3d origin;
@@ -50,6 +51,8 @@ struct Intersection {
 struct Kernels {
   const char* name;
   Box (*patch_bounds)(const PatchNet<float>&, const PatchBump<float>*, float padding);
+  PatchModel<float> (*patch_model_f)(const PatchNet<float>&, const PatchBump<float>*);
+  PatchModel<double> (*patch_model_d)(const PatchNet<double>&, const PatchBump<double>*);
   void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, std::size_t begin,
                     std::size_t end, const HitArrays<float>&, Statistics&);
   void (*closest_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t begin,

@@ -5,6 +5,7 @@
 #include "limitray/bvh/bounds.h"
 #include "limitray/intersect/hit_attributes.h"
 #include "limitray/intersect/kernels.h"
+#include "limitray/patches/patch_model.h"
 
 namespace limitray {
 inline namespace LIMITRAY_ISA {
@@ -45,7 +46,7 @@ bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const Obje
   bool ended = false;
   const auto leaf = [&](std::uint32_t k) {
     intersect_patch<T, use_newton>(
-        g.nets[k], bump_of(g, k), r, zmax,
+        g.nets[k], bump_of(g, k), g.models[k], r, zmax,
         [&](const PatchRoot<T>& root, T& z) {
           const double t = r.t_of(root.z);
           if (!(t > ray.tnear && t <= tfar)) return false;
@@ -241,7 +242,7 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
 
 /// The table of this instruction set.
 inline Kernels make_kernels(const char* name) {
-  return {name,          patch_bounds,     closest<float>, closest<double>,
+  return {name,          patch_bounds,     make_patch_model<float>, make_patch_model<double>,     closest<float>, closest<double>,
           occluded<float>, occluded<double>, all};
 }
 

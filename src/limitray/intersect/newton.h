@@ -1,23 +1,25 @@
-// Stage: intersection, S8. Comes in: a patch in the ray's frame and a subdomain on which its
-// projection may be one-to-one. Goes out: the only hit on it, a proof that there is none, or neither.
+// Stage: intersection, S8. Comes in: a patch in the ray's frame and a domain on which its projection
+// may be one-to-one. Goes out: the only hit on it, a proof that there is none, or neither.
 //
-// After Toth 1985, "On Ray Tracing Parametric Surfaces" (interval Newton), with bounds of the
-// derivative from the Bernstein net instead of interval arithmetic, and clamped Newton steps instead
-// of shrinking intervals. Multiply the projection (x,y) by the inverse of its Jacobian at the centre:
-// F = M (x,y), F(p) - F(q) = (I + G)(p - q), and the derivative net bounds G on the subdomain by
-// kappa_u, kappa_v (its row sums). If both are below 1, F is one-to-one, and
+// After Toth 1985, "On Ray Tracing Parametric Surfaces" (interval Newton), with componentwise bounds
+// of the derivative from the Bernstein net, and clamped Newton steps instead of shrinking intervals.
+// Multiply the projection (x,y) by M, (almost) the inverse of its Jacobian at the domain's middle c:
 //
-//   a root p and any q in the subdomain satisfy   |p - q|_inf <= (|F(q)|_inf + e) / (1 - kappa).   (1)
+//   F = M (x,y),   F(p) - F(q) = (I + G)(p - q),   |G| <= K componentwise on the domain.       (1)
 //
-// When q stands on a border (say u = 1) and F_u(q) = -rho < 0 still points outward, then with
-// a = q.u - p.u >= 0, b = |p.v - q.v|:  a + rho <= e_u + kappa_u max(a,b),
-// b <= |F_v(q)| + e_v + kappa_v max(a,b). If a >= b, rho <= e_u; else b <= (|F_v| + e_v)/(1 - kappa_v).
-// So there is no root, on the subdomain, of the surface itself (not only of its rounded image), if
+// If K.uu < 1, K.vv < 1 and (1 - K.uu)(1 - K.vv) > K.uv K.vu, F is one-to-one (I - K is an
+// M-matrix), and |p - q| <= (I - K)^-1 (|F(q)| + e) for each point p of the surface on the ray, e the
+// bound on rounding. With q = c: p lies in c - F(c) +- (K (1/2,1/2) size + e) (Krawczyk's operator).
 //
-//   rho > e_u + kappa_u (|F_v(q)| + e_v) / (1 - kappa_v),                                          (2)
+// When q stands on a border (say u = 1) and F still points outward there, F_u(q) = -rho, then with
+// a = q.u - p.u >= 0 and b = |p.v - q.v| (1) gives a + rho <= e_u + K.uu a + K.uv b and
+// b (1 - K.vv) <= |F_v| + e_v + K.vu a. Eliminate b: a's factor is positive, so if
 //
-// where |F_v| counts as 0 if v stands on its border pointing outward, too (its rho only helps). What
-// is near zero and not certainly absent by (2) is a hit: the shortcut never turns a hit into a miss.
+//   rho > e_u + K.uv (|F_v| + e_v) / (1 - K.vv)                                                  (2)
+//
+// there is no p on the domain: a certain miss. |F_v| counts as 0 if v stands on its border pointing
+// outward, too (its rho only helps). What is near zero and not certainly absent by (2) is a hit: the
+// shortcut never turns a hit into a miss.
 #pragma once
 
 #include "limitray/intersect/root_patch.h"
@@ -29,9 +31,9 @@ inline namespace LIMITRAY_ISA {
 template <class T>
 struct SubPatch {
   Net<T> x, y, z;
-  T dx, dy, dz;          // S7: how far the frozen blends are from the true ones
+  T dx, dy, dz;  // S7: how far the frozen blends are from the true ones, rounding included
   T u0, v0, size_u, size_v;
-  T bump_gain;           // bound on |d/du| + |d/dv| of what freezing loses, for |bump| = 1
+  T bump_gain;  // bound on |d/du| and |d/dv| of what freezing loses, for |bump| = 1
 };
 
 enum class NewtonResult { hit, miss, undecided };
@@ -42,84 +44,159 @@ struct PatchRoot {
   T radius;  // bound on the parametric distance to the surface's own hit
 };
 
-/// Row sums of G on the subdomain, for M = (m_uu m_uv; m_vu m_vv).
+/// M, e and K of the head comment.
 template <class T>
 struct Contraction {
-  T u, v;
+  T m_uu, m_uv, m_vu, m_vv;
+  T e_u, e_v;
+  T uu, uv, vu, vv, det;  // K, and det(I - K)
+
+  /// M from the Jacobian at the middle, e from the bounds of x and y.
+  Contraction(T x_u, T x_v, T y_u, T y_v, T eps_x, T eps_y) {
+    const T inverse = 1 / (x_u * y_v - x_v * y_u);
+    m_uu = y_v * inverse, m_uv = -x_v * inverse;
+    m_vu = -y_u * inverse, m_vv = x_u * inverse;
+    e_u = std::abs(m_uu) * eps_x + std::abs(m_uv) * eps_y;
+    e_v = std::abs(m_vu) * eps_x + std::abs(m_vv) * eps_y;
+  }
+  void set(T k_uu, T k_uv, T k_vu, T k_vv) {
+    uu = k_uu, uv = k_uv, vu = k_vu, vv = k_vv;
+    det = (1 - uu) * (1 - vv) - uv * vu;
+  }
+  /// False for a singular Jacobian, too (infinities and NaN fail the compares).
+  bool one_to_one() const { return uu < T(0.95) && vv < T(0.95) && det > T(0.02); }
+  /// Rule (2): out points outward by r_out.
+  bool beyond_u(T r_u, T r_v) const { return r_u > e_u + uv * (r_v + e_v) / (1 - vv); }
+  bool beyond_v(T r_v, T r_u) const { return r_v > e_v + vu * (r_u + e_u) / (1 - uu); }
+  /// Largest component of (I - K)^-1 (|r| + e).
+  T radius(T r_u, T r_v) const {
+    const T a = r_u + e_u, b = r_v + e_v;
+    return std::max((1 - vv) * a + uv * b, vu * a + (1 - uu) * b) / det;
+  }
 };
+
 template <class T>
-Contraction<T> contraction(const RootPatch<T>& root, const SubPatch<T>& s, const T (&m)[4]) {
+struct Interval {
+  T lo, hi;
+  T clamp(T x) const { return std::min(std::max(x, lo), hi); }
+};
+
+/// Clamped Newton steps from (u,v) on the domain, under a contraction. A step whose end is certain to
+/// be within `eps` of zero (curvature * step^2) is taken without looking again.
+template <class T>
+NewtonResult newton_steps(const RootPatch<T>& root, const Contraction<T>& k, T curvature,
+                          Interval<T> in_u, Interval<T> in_v, T u, T v, PatchRoot<T>& out,
+                          std::uint32_t& steps) {
+  for (int step = 0; step < 8; ++step) {
+    const RaySample<T> p = evaluate(root, u, v);
+    ++steps;
+    const T r_u = k.m_uu * p.x + k.m_uv * p.y, r_v = k.m_vu * p.x + k.m_vv * p.y;
+    // Which borders (u,v) stands on with F pointing outward.
+    const bool out_u = (u == in_u.lo && r_u > 0) || (u == in_u.hi && r_u < 0);
+    const bool out_v = (v == in_v.lo && r_v > 0) || (v == in_v.hi && r_v < 0);
+    const T a_u = std::abs(r_u), a_v = std::abs(r_v);
+    if (out_u && k.beyond_u(a_u, out_v ? T(0) : a_v)) return NewtonResult::miss;
+    if (out_v && k.beyond_v(a_v, out_u ? T(0) : a_u)) return NewtonResult::miss;
+    if ((out_u || a_u <= k.e_u) && (out_v || a_v <= k.e_v)) {
+      out = {u, v, p.z, k.radius(a_u, a_v)};
+      return NewtonResult::hit;
+    }
+    // Newton step, held inside the domain: a clamped direction hands its share to the other.
+    const T inverse = 1 / (p.x_u * p.y_v - p.x_v * p.y_u);
+    const T du = (p.x_v * p.y - p.y_v * p.x) * inverse, dv = (p.y_u * p.x - p.x_u * p.y) * inverse;
+    const T nu = in_u.clamp(u + du), nv = in_v.clamp(v + dv);
+    const bool held_u = nu != u + du, held_v = nv != v + dv;
+    if (!held_u && !held_v) {
+      const T longest = std::max(std::abs(du), std::abs(dv));
+      if (curvature * longest * longest <= std::min(root.eps_x, root.eps_y)) {
+        out = {nu, nv, p.z + p.z_u * du + p.z_v * dv, k.radius(k.e_u, k.e_v)};
+        return NewtonResult::hit;
+      }
+      u = nu, v = nv;
+    } else if (held_u && !held_v) {
+      const T f_u = k.m_vu * p.x_u + k.m_vv * p.y_u, f_v = k.m_vu * p.x_v + k.m_vv * p.y_v;
+      v = in_v.clamp(v - (r_v + f_u * (nu - u)) / f_v);
+      u = nu;
+    } else if (held_v && !held_u) {
+      const T f_u = k.m_uu * p.x_u + k.m_uv * p.y_u, f_v = k.m_uu * p.x_v + k.m_uv * p.y_v;
+      u = in_u.clamp(u - (r_u + f_v * (nv - v)) / f_u);
+      v = nv;
+    } else {
+      u = nu, v = nv;
+    }
+  }
+  return NewtonResult::undecided;
+}
+
+/// S8 on a whole patch by its first order model: most rays are decided here, before or after reading
+/// the patch itself. Sets `root` when it returns undecided after reading; counts that as a run.
+template <class T>
+NewtonResult newton_on_model(const PatchModel<T>& m, const PatchNet<T>& net,
+                             const PatchBump<T>* bump, const PatchRay<T>& r, PatchRoot<T>& out,
+                             std::uint32_t& runs, std::uint32_t& steps) {
+  // The model in the ray's frame.
+  const auto &ax = m.axis[r.axis_x], &ay = m.axis[r.axis_y], &az = m.axis[r.axis_z];
+  const T depth = az.p - r.org[r.axis_z];
+  const T x = ax.p - r.org[r.axis_x] + r.shear_x * depth, x_u = ax.p_u + r.shear_x * az.p_u,
+          x_v = ax.p_v + r.shear_x * az.p_v;
+  const T y = ay.p - r.org[r.axis_y] + r.shear_y * depth, y_u = ay.p_u + r.shear_y * az.p_u,
+          y_v = ay.p_v + r.shear_y * az.p_v;
+  const T sx = std::abs(r.shear_x), sy = std::abs(r.shear_y);
+  const T dx_u = ax.d_u + sx * az.d_u, dx_v = ax.d_v + sx * az.d_v;
+  const T dy_u = ay.d_u + sy * az.d_u, dy_v = ay.d_v + sy * az.d_v;
+  // Control values are at most the derivatives' reach from the middle: the rounding of section 2.
+  const T c = 64 * unit_roundoff<T>;
+  const T eps_x = r.eps + c * (std::abs(x) + std::abs(x_u) + dx_u + std::abs(x_v) + dx_v);
+  const T eps_y = r.eps + c * (std::abs(y) + std::abs(y_u) + dy_u + std::abs(y_v) + dy_v);
+
+  Contraction<T> k(x_u, x_v, y_u, y_v, eps_x, eps_y);
+  const T a_uu = std::abs(k.m_uu), a_uv = std::abs(k.m_uv), a_vu = std::abs(k.m_vu),
+          a_vv = std::abs(k.m_vv);
+  k.set(a_uu * dx_u + a_uv * dy_u, a_uu * dx_v + a_uv * dy_v, a_vu * dx_u + a_vv * dy_u,
+        a_vu * dx_v + a_vv * dy_v);
+  if (!k.one_to_one()) return NewtonResult::undecided;
+  // Krawczyk: every hit is in this box around the root of the model.
+  const T half = T(0.5);
+  const T u = half - (k.m_uu * x + k.m_uv * y), v = half - (k.m_vu * x + k.m_vv * y);
+  const T reach_u = half * (k.uu + k.uv) + k.e_u, reach_v = half * (k.vu + k.vv) + k.e_v;
+  if (u + reach_u < 0 || u - reach_u > 1 || v + reach_v < 0 || v - reach_v > 1)
+    return NewtonResult::miss;
+
+  ++runs;
+  RootPatch<T> root = to_ray_frame(net, bump, r);
+  root.eps_x = eps_x, root.eps_y = eps_y;
+  const Interval<T> unit{0, 1};
+  return newton_steps(root, k, 2 * m.curvature, unit, unit, unit.clamp(u), unit.clamp(v), out,
+                      steps);
+}
+
+/// S8 on a subpatch, its K from its own net.
+template <class T>
+NewtonResult newton_on_subpatch(const RootPatch<T>& root, const SubPatch<T>& s, PatchRoot<T>& out,
+                                std::uint32_t& runs, std::uint32_t& steps) {
+  const T u = s.u0 + T(0.5) * s.size_u, v = s.v0 + T(0.5) * s.size_v;
+  const RaySample<T> p = evaluate(root, u, v);
+  Contraction<T> k(p.x_u, p.x_v, p.y_u, p.y_v, root.eps_x, root.eps_y);
   const Net<T> xu = difference_u(s.x), xv = difference_v(s.x);
   const Net<T> yu = difference_u(s.y), yv = difference_v(s.y);
   const T nu = 3 / s.size_u, nv = 3 / s.size_v;
-  const Quad<T> k = max4(max_rows(abs((m[0] * nu) * xu + (m[1] * nu) * yu - T(1))),
-                         max_rows(abs((m[0] * nv) * xv + (m[1] * nv) * yv)),
-                         max_rows(abs((m[2] * nu) * xu + (m[3] * nu) * yu)),
-                         max_rows(abs((m[2] * nv) * xv + (m[3] * nv) * yv - T(1))));
-  Contraction<T> c{k[0] + k[1], k[2] + k[3]};
-  if (root.gregory) {
-    const T gx = s.bump_gain * sum(abs(root.bump_x)), gy = s.bump_gain * sum(abs(root.bump_y));
-    c.u += std::abs(m[0]) * gx + std::abs(m[1]) * gy;
-    c.v += std::abs(m[2]) * gx + std::abs(m[3]) * gy;
-  }
-  return c;
-}
-
-/// Rule (2) for one direction: r_out is F's component that points out of the border (0 if none).
-template <class T>
-bool beyond_border(T r_out, T e_out, T kappa_out, T r_other, T e_other, T kappa_other) {
-  return r_out > e_out + kappa_out * (r_other + e_other) / (1 - kappa_other);
-}
-
-/// S8 on subpatch `s` of `root`. `steps` counts evaluations.
-template <class T>
-NewtonResult newton(const RootPatch<T>& root, const SubPatch<T>& s, PatchRoot<T>& out,
-                    std::uint32_t& steps) {
-  const T u1 = s.u0 + s.size_u, v1 = s.v0 + s.size_v;
-  T u = s.u0 + T(0.5) * s.size_u, v = s.v0 + T(0.5) * s.size_v;
-  RaySample<T> p = evaluate(root, u, v);
-  ++steps;
-  const T inverse = 1 / (p.x_u * p.y_v - p.x_v * p.y_u);
-  const T m[4] = {p.y_v * inverse, -p.x_v * inverse, -p.y_u * inverse, p.x_u * inverse};
-  const T e_u = std::abs(m[0]) * root.eps_x + std::abs(m[1]) * root.eps_y;
-  const T e_v = std::abs(m[2]) * root.eps_x + std::abs(m[3]) * root.eps_y;
-  Contraction<T> kappa = contraction(root, s, m);
-  // Each of the net's values may be off by eps: its differences by twice that.
-  kappa.u += 6 * e_u * (1 / s.size_u + 1 / s.size_v);
-  kappa.v += 6 * e_v * (1 / s.size_u + 1 / s.size_v);
-  if (!(kappa.u < T(0.75) && kappa.v < T(0.75))) return NewtonResult::undecided;
-
-  for (int step = 0; step < 8; ++step) {
-    const T r_u = m[0] * p.x + m[1] * p.y, r_v = m[2] * p.x + m[3] * p.y;
-    // Which borders (u,v) stands on with F pointing outward.
-    const bool out_u = (u == s.u0 && r_u > 0) || (u == u1 && r_u < 0);
-    const bool out_v = (v == s.v0 && r_v > 0) || (v == v1 && r_v < 0);
-    const T a_u = std::abs(r_u), a_v = std::abs(r_v);
-    if (out_u && beyond_border(a_u, e_u, kappa.u, out_v ? T(0) : a_v, e_v, kappa.v))
-      return NewtonResult::miss;
-    if (out_v && beyond_border(a_v, e_v, kappa.v, out_u ? T(0) : a_u, e_u, kappa.u))
-      return NewtonResult::miss;
-    if ((out_u || a_u <= e_u) && (out_v || a_v <= e_v)) {
-      const T worst = std::max(a_u + e_u, a_v + e_v);
-      out = {u, v, p.z, worst / (1 - std::max(kappa.u, kappa.v))};
-      return NewtonResult::hit;
-    }
-    // Newton step, held inside the subdomain: a clamped direction hands its share to the other.
-    const T det = p.x_u * p.y_v - p.x_v * p.y_u;
-    T du = (p.x_v * p.y - p.y_v * p.x) / det, dv = (p.y_u * p.x - p.x_u * p.y) / det;
-    T nu = std::min(std::max(u + du, s.u0), u1), nv = std::min(std::max(v + dv, s.v0), v1);
-    if (nu != u + du && nv == v + dv) {
-      nv = v - (r_v + (m[2] * p.x_u + m[3] * p.y_u) * (nu - u)) / (m[2] * p.x_v + m[3] * p.y_v);
-      nv = std::min(std::max(nv, s.v0), v1);
-    } else if (nv != v + dv && nu == u + du) {
-      nu = u - (r_u + (m[0] * p.x_v + m[1] * p.y_v) * (nv - v)) / (m[0] * p.x_u + m[1] * p.y_u);
-      nu = std::min(std::max(nu, s.u0), u1);
-    }
-    u = nu, v = nv;
-    p = evaluate(root, u, v);
-    ++steps;
-  }
-  return NewtonResult::undecided;
+  const Quad<T> q = max4(max_rows(abs((k.m_uu * nu) * xu + (k.m_uv * nu) * yu - T(1))),
+                         max_rows(abs((k.m_uu * nv) * xv + (k.m_uv * nv) * yv)),
+                         max_rows(abs((k.m_vu * nu) * xu + (k.m_vv * nu) * yu)),
+                         max_rows(abs((k.m_vu * nv) * xv + (k.m_vv * nv) * yv - T(1))));
+  // Each value of the net may be off by eps, its differences by twice that; and the bump's part.
+  const T gx = s.bump_gain * sum(abs(root.bump_x)), gy = s.bump_gain * sum(abs(root.bump_y));
+  const T g_u = std::abs(k.m_uu) * gx + std::abs(k.m_uv) * gy;
+  const T g_v = std::abs(k.m_vu) * gx + std::abs(k.m_vv) * gy;
+  k.set(q[0] + 2 * nu * k.e_u + g_u, q[1] + 2 * nv * k.e_u + g_u, q[2] + 2 * nu * k.e_v + g_v,
+        q[3] + 2 * nv * k.e_v + g_v);
+  ++runs, ++steps;
+  if (!k.one_to_one()) return NewtonResult::undecided;
+  const Interval<T> in_u{s.u0, s.u0 + s.size_u}, in_v{s.v0, s.v0 + s.size_v};
+  const T start_u = u - (k.m_uu * p.x + k.m_uv * p.y), start_v = v - (k.m_vu * p.x + k.m_vv * p.y);
+  const T infinity = std::numeric_limits<T>::infinity();
+  return newton_steps(root, k, infinity, in_u, in_v, in_u.clamp(start_u), in_v.clamp(start_v), out,
+                      steps);
 }
 
 }  // namespace LIMITRAY_ISA

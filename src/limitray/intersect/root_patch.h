@@ -68,28 +68,30 @@ bool misses(const RootPatch<T>& p, T zmin, T zmax) {
 template <class T>
 struct RaySample {
   T x, y, z;
-  T x_u, x_v, y_u, y_v;
+  T x_u, y_u, z_u;
+  T x_v, y_v, z_v;
 };
 /// The surface at (u,v), with the true derivatives of the Gregory blend.
 ///
 /// Rounding: weights are off by gamma(4) * 3/2 each, their products and the 16-term sums add
 /// gamma(8); with sum |B_i| = 1 the result is within 32 u max|net| of exact arithmetic.
 template <class T>
-RaySample<T> evaluate(const RootPatch<T>& p, T u, T v) {
+[[gnu::always_inline]] inline RaySample<T> evaluate(const RootPatch<T>& p, T u, T v) {
   const Quad<T> bu = bernstein(u), du = bernstein_derivative(u);
   const Net<T> bv = along_columns<T>(bernstein(v)), dv = along_columns<T>(bernstein_derivative(v));
   const Quad<T> x = sum_rows(p.x * bv), y = sum_rows(p.y * bv), z = sum_rows(p.z * bv);
-  Quad<T> qx = x * bu, qy = y * bu, qz = z * bu;
-  Quad<T> qx_u = x * du, qy_u = y * du;
-  Quad<T> qx_v = sum_rows(p.x * dv) * bu, qy_v = sum_rows(p.y * dv) * bu;
+  const Quad<T> xv = sum_rows(p.x * dv), yv = sum_rows(p.y * dv), zv = sum_rows(p.z * dv);
+  const Quad<T> none{};
+  Quad<T> s[9] = {x * bu, y * bu, z * bu, x * du, y * du, z * du, xv * bu, yv * bu, zv * bu};
   if (p.gregory) {
     const BumpWeights<T> w = bump_weights(u, v);
-    qx += w.g * p.bump_x, qy += w.g * p.bump_y, qz += w.g * p.bump_z;
-    qx_u += w.g_s * p.bump_x, qy_u += w.g_s * p.bump_y;
-    qx_v += w.g_t * p.bump_x, qy_v += w.g_t * p.bump_y;
+    s[0] += w.g * p.bump_x, s[1] += w.g * p.bump_y, s[2] += w.g * p.bump_z;
+    s[3] += w.g_s * p.bump_x, s[4] += w.g_s * p.bump_y, s[5] += w.g_s * p.bump_z;
+    s[6] += w.g_t * p.bump_x, s[7] += w.g_t * p.bump_y, s[8] += w.g_t * p.bump_z;
   }
-  const Quad<T> a = sum4(qx, qx_u, qx_v, qz), b = sum4(qy, qy_u, qy_v, qy_v);
-  return {a[0], b[0], a[3], a[1], a[2], b[1], b[2]};
+  const Quad<T> a = sum4(s[0], s[1], s[2], none), b = sum4(s[3], s[4], s[5], none),
+                c = sum4(s[6], s[7], s[8], none);
+  return {a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]};
 }
 
 }  // namespace LIMITRAY_ISA

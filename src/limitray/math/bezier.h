@@ -98,6 +98,17 @@ template <class T>
 Net<T> difference_v(const Net<T>& p) {
   return permute_rows<1, 2, 3, 3>(p) - permute_rows<0, 1, 2, 2>(p);
 }
+/// Second differences, with repeated lanes alike.
+template <class T>
+Net<T> second_difference_u(const Net<T>& p) {
+  return (permute_columns<2, 3, 3, 2>(p) - permute_columns<1, 2, 2, 1>(p)) -
+         (permute_columns<1, 2, 2, 1>(p) - permute_columns<0, 1, 1, 0>(p));
+}
+template <class T>
+Net<T> second_difference_v(const Net<T>& p) {
+  return (permute_rows<2, 3, 3, 2>(p) - permute_rows<1, 2, 2, 1>(p)) -
+         (permute_rows<1, 2, 2, 1>(p) - permute_rows<0, 1, 1, 0>(p));
+}
 
 }  // namespace LIMITRAY_ISA
 }  // namespace limitray

@@ -55,6 +55,18 @@ struct alignas(16) PatchBump {
   T c[3][4];
 };
 
+/// First order model of a patch about its middle (1/2,1/2), and how far the patch is from it: what a
+/// ray reads first (S8), one cache line. Made by patches/patch_model.h.
+template <class T>
+struct alignas(16 * sizeof(T)) PatchModel {
+  struct Axis {
+    T p, p_u, p_v;  // value and derivatives at the middle
+    T d_u, d_v;     // bound on |derivative - p_u|, |derivative - p_v| anywhere on the patch
+  } axis[3];
+  T curvature;  // bound on |p_uu|/2 + |p_uv| + |p_vv|/2 of each component
+};
+static_assert(sizeof(PatchModel<float>) == 64);
+
 /// All patches of a mesh, relative to `origin` (the centre of the cage's extent), so that float
 /// rounding scales with the size of the cage and not with its distance from zero.
 template <class T>
@@ -62,13 +74,14 @@ struct PatchBuffer {
   std::vector<PatchNet<T>> nets;
   std::vector<PatchBump<T>> bumps;
   std::vector<PatchInfo> infos;  // one a net
+  std::vector<PatchModel<T>> models;  // one a net once the tracer has made them, else empty
   Vec3d origin{};
   double radius = 0;  // largest |control value| of any component, relative to origin
 
   std::size_t size() const { return nets.size(); }
   std::size_t bytes() const {
     return nets.size() * sizeof(PatchNet<T>) + bumps.size() * sizeof(PatchBump<T>) +
-           infos.size() * sizeof(PatchInfo);
+           infos.size() * sizeof(PatchInfo) + models.size() * sizeof(PatchModel<T>);
   }
 };
 

@@ -1,0 +1,84 @@
+#include "options.h"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+namespace limitray::bench {
+
+const char* const usage =
+    R"(usage: limitray_bench MODEL [options]
+
+Traces the same rays with limitray and with Embree, and says how fast and how exact each is.
+
+  MODEL                 cage: a Wavefront OBJ file (with `t` tags)
+  --threads N           threads, 0 for all cores (default 0)
+  --isolation-level L   how deep limitray isolates irregular features, 1 to 10 (default 4)
+  --rays N              rays a set, such as 1e6 (default 1e6)
+  --rounds N            interleaved repetitions, of which the median counts (default 7)
+  --tracers A,B,..      only these: limitray, limitray-normals, embree-geometry,
+                        embree-subdivision-N, embree-triangles-N
+  --robust              Embree's robust scenes (default: its default, RTC_SCENE_FLAG_NONE)
+  --json FILE           write the figures to FILE, "-" for standard output
+
+Progress goes to standard error. Exit codes: 0 done, 1 failed, 2 wrong usage.
+)";
+
+namespace {
+
+/// A whole number in [low, high], 1e6 and the like allowed.
+long long parse_count(const std::string& name, const std::string& text, double low, double high) {
+  std::istringstream in(text);
+  double x = 0;
+  if (!(in >> x) || !in.eof() || x != std::floor(x) || x < low || x > high)
+    throw std::invalid_argument(name + ": must be a whole number from " +
+                                std::to_string((long long)low) + " to " +
+                                std::to_string((long long)high) + ", got \"" + text + "\"");
+  return (long long)x;
+}
+
+std::vector<std::string> split_at_commas(const std::string& text) {
+  std::vector<std::string> parts;
+  std::istringstream in(text);
+  for (std::string part; std::getline(in, part, ',');)
+    if (!part.empty()) parts.push_back(part);
+  return parts;
+}
+
+}  // namespace
+
+Options parse_options(const std::vector<std::string>& arguments) {
+  Options o;
+  for (std::size_t i = 0; i < arguments.size(); ++i) {
+    const std::string& name = arguments[i];
+    const auto value = [&]() -> const std::string& {
+      if (i + 1 == arguments.size()) throw std::invalid_argument(name + ": needs a value");
+      return arguments[++i];
+    };
+    if (name == "--help" || name == "-h") {
+      o.help = true;
+    } else if (name == "--threads") {
+      o.threads = int(parse_count(name, value(), 0, 4096));
+    } else if (name == "--isolation-level") {
+      o.isolation_level = int(parse_count(name, value(), 1, 10));
+    } else if (name == "--rays") {
+      o.rays = std::size_t(parse_count(name, value(), 1, 1e9));
+    } else if (name == "--rounds") {
+      o.rounds = int(parse_count(name, value(), 1, 1000));
+    } else if (name == "--tracers") {
+      o.tracers = split_at_commas(value());
+    } else if (name == "--robust") {
+      o.robust = true;
+    } else if (name == "--json") {
+      o.json = value();
+    } else if (name.rfind("-", 0) == 0 || !o.model.empty()) {
+      throw std::invalid_argument("unknown argument \"" + name + "\"");
+    } else {
+      o.model = name;
+    }
+  }
+  if (o.model.empty() && !o.help) throw std::invalid_argument("MODEL: is missing");
+  return o;
+}
+
+}  // namespace limitray::bench

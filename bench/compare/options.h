@@ -1,0 +1,27 @@
+// The command line of limitray_bench.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace limitray::bench {
+
+struct Options {
+  std::string model;
+  int threads = 0;  // 0: all cores
+  int isolation_level = 4;
+  std::size_t rays = 1000000;
+  int rounds = 7;
+  std::string json;                  // file to write, empty for none
+  std::vector<std::string> tracers;  // names wanted besides limitray; empty for all
+  bool robust = false;
+  bool help = false;
+};
+
+/// Throws std::invalid_argument naming the argument, the rule and the value got.
+Options parse_options(const std::vector<std::string>& arguments);
+
+extern const char* const usage;
+
+}  // namespace limitray::bench

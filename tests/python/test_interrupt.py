@@ -1,0 +1,65 @@
+"""Ctrl-C: calls end within half a second, the scene stays usable, a picture is saved."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+from shapes import REPOSITORY
+
+CAST = """
+import time, signal, sys
+import numpy as np
+import limitray as lr
+
+scene = lr.Scene()
+scene.add_mesh(lr.Mesh.from_file(sys.argv[1]))
+rays = np.tile(np.array([[0, -8, 2, 0.02, 1, 0.0]]), (4_000_000, 1))
+print("ready", flush=True)
+try:
+    scene.{call}
+except KeyboardInterrupt:
+    print(time.time(), flush=True)
+print(scene.test_occlusions(rays[:5]).tolist(), flush=True)
+"""
+CALLS = ["cast_rays(rays)", "test_occlusions(rays)", "count_intersections(rays)"]
+DEMO = str(REPOSITORY / "tests/cages/demo.obj")
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_long_call_ends_within_half_a_second(call):
+    program = [sys.executable, "-c", CAST.format(call=call), DEMO]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(0.3)
+        sent = time.time()
+        process.send_signal(signal.SIGINT)
+        stopped = float(process.stdout.readline())
+        usable = process.stdout.readline()
+    assert process.returncode == 0
+    assert stopped - sent < 0.5
+    assert usable == "[True, True, True, True, True]\n"
+
+
+def test_render_saves_the_picture_so_far(tmp_path):
+    output = tmp_path / "part.png"
+    program = [sys.executable, "-m", "limitray.cli", "render", DEMO, "-o", output]
+    with subprocess.Popen(
+        [*program, "--spp", "4096", "--size", "320x240"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        time.sleep(3)
+        process.send_signal(signal.SIGINT)
+        printed, errors = process.communicate(timeout=10)
+    assert process.returncode == 130, errors
+    assert errors == ""
+    assert printed == f"{output} (stopped early)\n"
+    with Image.open(output) as picture:
+        pixels = np.asarray(picture)
+    assert pixels.shape == (240, 320, 3)
+    assert len(np.unique(pixels)) > 50
