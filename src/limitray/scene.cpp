@@ -74,6 +74,16 @@ double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+/// The extent of a tree and of the control values of its patches.
+Extent extent_of(const Box& bounds, const Vec3d& center, double radius) {
+  Extent e{center, {}, radius};
+  for (int i = 0; i < 3; ++i) {
+    e.half[i] = std::max(double(-bounds.lo[i]), double(bounds.hi[i])) + 1e-7 * radius;
+    e.radius = std::max(e.radius, e.half[i]);
+  }
+  return e;
+}
+
 template <class T>
 GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
   return {p.nets.data(),
@@ -82,8 +92,7 @@ GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
           p.models.data(),
           g.bvh.order.data(),
           g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
-          p.origin,
-          g.patches.radius,
+          extent_of(g.bvh.bounds, p.origin, g.patches.radius),
           g.cage.orientation == Orientation::left_handed};
 }
 
@@ -273,8 +282,7 @@ struct Scene::State {
       const SceneView<T> view{views,
                               instances,
                               top.nodes.empty() ? nullptr : top.nodes.data(),
-                              origin,
-                              radius,
+                              extent_of(top.bounds, origin, radius),
                               use_newton};
       const std::size_t grain = std::is_same_v<T, float> ? 512 : 128;
       tbb::parallel_for(

@@ -51,18 +51,16 @@ struct BoxRay {
 /// `r` must come from make_patch_ray for the space that the boxes live in.
 template <class T>
 BoxRay make_box_ray(const PatchRay<T>& r) {
+  // A zero component must not make 0 * inf: its planes are then at +-huge, or at 0 on the border,
+  // which is padding only.
+  const float huge = std::numeric_limits<float>::max();
+  const Quad<float> dir{float(r.dir[0]), float(r.dir[1]), float(r.dir[2]), 1};
+  const Quad<float> inverse = min(max(1 / dir, Quad<float>{} - huge), Quad<float>{} + huge);
   BoxRay b;
   for (int i = 0; i < 3; ++i) {
-    // Undo the shear: direction by axis, scaled so that the dominant component is +-1.
-    const T n = i == r.axis_z ? r.sign_z : -r.sign_z * (i == r.axis_x ? r.shear_x : r.shear_y);
-    const float inv = float(T(1) / n);
-    // A zero component must not make 0 * inf: its planes are then at +-huge, or at 0 on the border,
-    // which is padding only.
-    const float huge = std::numeric_limits<float>::max();
-    const float finite = inv > huge ? huge : (inv < -huge ? -huge : inv);
     b.org[i] = Simd<float, 8>{} + float(r.org[i]);
-    b.inv[i] = Simd<float, 8>{} + finite;
-    b.backward[i] = finite < 0;
+    b.inv[i] = Simd<float, 8>{} + inverse[i];
+    b.backward[i] = inverse[i] < 0;
   }
   return b;
 }
@@ -72,11 +70,6 @@ inline Simd<float, 8> load8(const float* p) {
   std::memcpy(&v, p, sizeof(v));
   return v;
 }
-template <class V>
-V min(V a, V b) {
-  return a < b ? a : b;
-}
-
 /// One bit a child that the ray may meet between zmin and zmax; `entry` gets where it enters.
 inline unsigned intersect_boxes(const BvhNode& n, const BoxRay& r, float zmin, float zmax,
                                 Simd<float, 8>& entry) {

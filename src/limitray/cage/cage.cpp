@@ -142,7 +142,23 @@ void check_corners_and_holes(const ControlCage& cage) {
   check_distinct("hole_indices", cage.hole_indices, cage.face_count());
 }
 
-void check_primvar(const FaceVarying& primvar, std::size_t corners) {
+/// How many indices a primvar must have, and in words.
+std::pair<std::size_t, const char*> primvar_size(const ControlCage& cage, Interpolation how) {
+  switch (how) {
+    case Interpolation::constant:
+      return {1, "one index"};
+    case Interpolation::uniform:
+      return {cage.face_count(), "one index a face"};
+    case Interpolation::varying:
+    case Interpolation::vertex:
+      return {cage.points.size(), "one index a point"};
+    case Interpolation::face_varying:
+      break;
+  }
+  return {cage.face_vertex_indices.size(), "one index a face corner"};
+}
+
+void check_primvar(const ControlCage& cage, const Primvar& primvar) {
   const std::string name = "primvars[\"" + primvar.name + "\"]";
   if (primvar.width < 1) fail(name, ".width: must be at least 1, got ", primvar.width);
   const std::size_t width = static_cast<std::size_t>(primvar.width);
@@ -157,7 +173,8 @@ void check_primvar(const FaceVarying& primvar, std::size_t corners) {
     }
   }
   const std::string indices = name + ".indices";
-  check_size(indices.c_str(), primvar.indices.size(), corners, "one index a face corner");
+  const auto [size, rule] = primvar_size(cage, primvar.interpolation);
+  check_size(indices.c_str(), primvar.indices.size(), size, rule);
   check_indices(indices.c_str(), primvar.indices, primvar.values.size() / width);
 }
 
@@ -270,9 +287,7 @@ CageWarnings validate(const ControlCage& cage) {
   check_faces(cage);
   check_creases(cage);
   check_corners_and_holes(cage);
-  for (const FaceVarying& primvar : cage.primvars) {
-    check_primvar(primvar, cage.face_vertex_indices.size());
-  }
+  for (const Primvar& primvar : cage.primvars) check_primvar(cage, primvar);
   CageWarnings warnings{cage.notes};
   const CageTopology topology = make_topology(cage);
   check_crease_edges(cage, topology, warnings);

@@ -28,9 +28,15 @@ enum class CreasingMethod { uniform, chaikin };
 /// Winding that faces outward: counter-clockwise (right-handed) or clockwise (left-handed).
 enum class Orientation { right_handed, left_handed };
 
-/// Face-varying primvar: `values` is n x `width`, `indices` one a face corner.
-struct FaceVarying {
+/// How the values of a primvar spread over the surface (UsdGeomPrimvar).
+enum class Interpolation { constant, uniform, varying, vertex, face_varying };
+
+/// Values over the surface: `values` is n x `width`; `indices` into its rows has one entry
+/// (constant), one a face (uniform), one a point (varying: linear; vertex: like the points) or one
+/// a face corner (face-varying).
+struct Primvar {
   std::string name;
+  Interpolation interpolation = Interpolation::face_varying;
   int width = 2;
   std::vector<float> values;
   std::vector<std::int32_t> indices;
@@ -59,7 +65,7 @@ struct ControlCage {
   std::vector<float> corner_sharpnesses;
   std::vector<std::int32_t> hole_indices;  // faces that are absent from the surface
 
-  std::vector<FaceVarying> primvars;
+  std::vector<Primvar> primvars;
 
   /// What a file reader ignored or repaired, as "file:line: what"; `validate` repeats it.
   std::vector<std::string> notes;

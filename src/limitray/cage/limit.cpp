@@ -254,8 +254,9 @@ LimitSample LimitEvaluator::Topology::sample(std::int32_t face, std::int32_t sub
     u = 2 * u - right;
     v = 2 * v - upper;
   }
-  return {mesh->origin + local.point, local.normal, std::ldexp(1.0, depth) * local.dp_du,
-          std::ldexp(1.0, depth) * local.dp_dv};
+  const double scale = std::ldexp(1.0, depth);
+  return {mesh->origin + local.point, scale * scale * local.normal, scale * local.dp_du,
+          scale * local.dp_dv};
 }
 
 LimitEvaluator::LimitEvaluator(ControlCage cage)

@@ -134,7 +134,7 @@ void take_texture_coordinates(const tinyobj::attrib_t& attrib, const tinyobj::me
     }
     return;
   }
-  FaceVarying st{"st", 2, {}, {}};
+  Primvar st{"st", Interpolation::face_varying, 2, {}, {}};
   for (const double value : attrib.texcoords) st.values.push_back(static_cast<float>(value));
   for (const tinyobj::index_t& index : mesh.indices) st.indices.push_back(index.texcoord_index);
   cage.primvars.push_back(std::move(st));

@@ -20,8 +20,7 @@ struct GeometryView {
   const PatchModel<T>* models;
   const std::uint32_t* patch_ids;  // leaf -> patch id as the refiner numbered it
   const BvhNode* nodes;            // null for an empty surface
-  Vec3d origin;
-  double radius;
+  Extent extent;  // of the tree, about PatchBuffer::origin
   bool left_handed;
 };
 /// One placement of a mesh.
@@ -35,8 +34,7 @@ struct SceneView {
   std::span<const GeometryView<T>> geometries;
   std::span<const InstanceView> instances;
   const BvhNode* nodes;  // over instances; null for none
-  Vec3d origin;          // of the boxes in `nodes`
-  double radius;
+  Extent extent;         // of the boxes in `nodes`
   bool use_newton;
 };
 

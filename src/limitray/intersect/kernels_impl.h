@@ -41,7 +41,7 @@ bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const Obje
   PatchRay<T> r;
   ObjectRay clipped = ray;
   clipped.tfar = tfar;
-  if (!g.nodes || !make_patch_ray(clipped, g.origin, g.radius, r)) return false;
+  if (!g.nodes || !make_patch_ray(clipped, g.extent, r)) return false;
   T zmax = r.zmax;
   bool ended = false;
   const auto leaf = [&](std::uint32_t k) {
@@ -80,9 +80,9 @@ void trace_scene(const SceneView<T>& scene, const ObjectRay& ray, double& tfar, 
     return;
   }
   PatchRay<T> r;
-  if (!scene.nodes || !make_patch_ray(ray, scene.origin, scene.radius, r)) return;
+  if (!scene.nodes || !make_patch_ray(ray, scene.extent, r)) return;
   traverse(scene.nodes, make_box_ray(r), -float_up(-r.zmin),
-           [&] { return float_up(z_of<T>(tfar, r.t_origin, r.t_scale, true)); }, instance,
+           [&] { return float_up(r.z_above(tfar)); }, instance,
            stats.node_visits);
 }
 
@@ -142,7 +142,7 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
   if (h.normal || h.point || h.dp_du || h.dp_dv) {
     const SurfacePoint<T> p = evaluate_patch(net, bump, hit.s, hit.t_patch);
     const auto world = [&](const Vec3d& v) { return in.identity ? v : in.to_world.vector(v); };
-    const Vec3d point = Vec3d(p.p) + g.origin;
+    const Vec3d point = Vec3d(p.p) + g.extent.center;
     store3(h.point, i, in.identity ? point : in.to_world.point(point));
     store3(h.dp_du, i, world((1 / double(info.du)) * Vec3d(p.p_s)));
     store3(h.dp_dv, i, world((1 / double(info.dv)) * Vec3d(p.p_t)));
@@ -156,7 +156,7 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
     ObjectRay local = ray;
     if (!in.identity)
       local.org = in.to_object.point(ray.org), local.dir = in.to_object.vector(ray.dir);
-    make_patch_ray(local, g.origin, g.radius, r);
+    make_patch_ray(local, g.extent, r);
     // The last step: t itself is rounded to T.
     const double e = t_error(net, bump, r, hit.radius) + double(unit_roundoff<T>) * std::abs(hit.t);
     h.t_error[i] = std::nextafter(T(e), std::numeric_limits<T>::infinity());
@@ -177,11 +177,11 @@ inline void add_counts(Statistics& s, const PatchCounters& c, std::size_t rays) 
 template <class T>
 void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin, std::size_t end,
              const HitArrays<T>& hits, Statistics& stats) {
+  PatchCounters count;
   for (std::size_t i = begin; i < end; ++i) {
     const ObjectRay ray = load_ray(rays, i);
     double tfar = ray.tfar;
     LeafHit<T> best;
-    PatchCounters count;
     trace(
         scene, ray, tfar,
         [&](const LeafHit<T>& h, const PatchRay<T>&) {
@@ -193,18 +193,18 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t beg
       write_miss(hits, i);
     else
       write_hit(scene, best, ray, hits, i);
-    add_counts(stats, count, 1);
   }
+  add_counts(stats, count, end - begin);
 }
 
 template <class T>
 void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin,
               std::size_t end, std::uint8_t* out, Statistics& stats) {
+  PatchCounters count;
   for (std::size_t i = begin; i < end; ++i) {
     const ObjectRay ray = load_ray(rays, i);
     double tfar = ray.tfar;
     out[i] = 0;
-    PatchCounters count;
     trace(
         scene, ray, tfar,
         [&](const LeafHit<T>&, const PatchRay<T>&) {
@@ -212,8 +212,8 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t be
           return true;
         },
         count, stats);
-    add_counts(stats, count, 1);
   }
+  add_counts(stats, count, end - begin);
 }
 
 inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, std::size_t i,

@@ -3,9 +3,9 @@
 //
 // After Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection": translate, then shear by
 // the dominant axis of the direction. Ours differs in two points. The origin is first moved along
-// the ray (in double) to the point nearest to the centre of the mesh, so that float rounding
-// scales with the mesh and not with the distance of the viewer. And depth is measured along the
-// dominant axis, not in units of the direction: no direction is too short or too long.
+// the ray (in double) into the box of the mesh, so that float rounding scales with the mesh and not
+// with the distance of the viewer; a ray that misses the box ends there. And depth is measured along
+// the dominant axis, not in units of the direction: no direction is too short or too long.
 #pragma once
 
 #include <algorithm>
@@ -31,16 +31,27 @@ inline constexpr T unit_roundoff = std::numeric_limits<T>::epsilon() / 2;
 
 template <class T>
 struct PatchRay {
-  T org[3];                // the moved origin, relative to the centre of the mesh, by axis
+  T org[3];  // the moved origin, relative to the centre of the mesh, by axis
+  T dir[3];  // the direction, scaled so that its dominant component is +1 or -1
   int axis_x, axis_y, axis_z;
-  T shear_x, shear_y;      // x = X + shear_x Z, y = Y + shear_y Z, with X, Y, Z relative to org
-  T sign_z;                // z = sign_z Z grows along the ray
-  T zmin, zmax;            // interval of z, rounded outward
-  T eps;                   // bound on the rounding of x and y of a stored control value
-  T eps_z;                 // the same for z
-  double t_origin, t_scale;  // t = t_origin + z * t_scale
+  T shear_x, shear_y;  // x = X + shear_x Z, y = Y + shear_y Z, with X, Y, Z relative to org
+  T sign_z;            // z = sign_z Z grows along the ray
+  T zmin, zmax;        // interval of z, widened by all rounding
+  T eps;               // bound on the rounding of x and y of a stored control value
+  T eps_z;             // the same for z
+  double t_origin, t_scale, z_scale;  // t = t_origin + z t_scale, z = (t - t_origin) z_scale
 
   double t_of(double z) const { return t_origin + z * t_scale; }
+  /// z at t, moved outward by the rounding on the way.
+  T z_above(double t) const { return outward((t - t_origin) * z_scale, 1) + eps_z; }
+  T z_below(double t) const { return outward((t - t_origin) * z_scale, -1) - eps_z; }
+
+ private:
+  static T outward(double z, double side) {
+    const double limit = double(std::numeric_limits<T>::max()) / 2;
+    const double z_limited = std::min(std::max(z, -limit), limit);
+    return T(z_limited + side * 4 * double(unit_roundoff<T>) * std::abs(z_limited));
+  }
 };
 
 /// x as a float, never below it.
@@ -52,57 +63,64 @@ inline float float_up(double x) {
   return double(f) < x ? std::nextafter(f, std::numeric_limits<float>::infinity()) : f;
 }
 
-/// z of the ray at t, rounded to T by one step outward; `up` chooses the side.
-template <class T>
-T z_of(double t, double t_origin, double t_scale, bool up) {
-  const T infinity = std::numeric_limits<T>::infinity();
-  const double z = (t - t_origin) / t_scale;
-  const T r = z > double(std::numeric_limits<T>::max()) ? infinity
-              : z < -double(std::numeric_limits<T>::max()) ? -infinity : T(z);
-  return std::nextafter(r, up ? infinity : -infinity);
-}
+/// Where a mesh is: the centre its control values are relative to, half of the size by axis of the box
+/// that contains it (about that centre, padded), and R: no control value or box is farther out.
+struct Extent {
+  Vec3d center, half;
+  double radius;
+};
 
-/// S1 for a mesh whose control values, relative to `center`, are at most `radius` in magnitude.
-/// Returns false if the ray cannot meet it, is not finite or has no direction.
+/// S1 for the mesh in `extent`. Returns false if the ray cannot meet it, is not finite or has no
+/// direction.
 ///
-/// Rounding (docs/accuracy.md, section 1). Let R = radius, O = largest |org|, D = R + O, u the unit
-/// roundoff. A stored control value is off by u R and org by u O; the subtraction adds u D for each
-/// of X and Z; the shear factor (|shear| <= 1) is off by u, so is the product, and the sum is at
-/// most 2 D. Together |error of x| <= 2u(R + O) + 2u D + 2u D + 2u D = 8 u D, first order; 9 u D
-/// covers the higher orders. The move of the origin in double adds 4 * 2^-53 (|org| + |t dir|).
+/// Rounding (docs/accuracy.md, section 1). Let R = radius, u the unit roundoff. The moved origin is
+/// in the extent, so a control value is off by u R, org by u R, and both are at most D = 2 R apart.
+/// The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by 2 u, its
+/// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u D
+/// = 18 u R, first order; 20 u R covers the higher orders. The move in double adds eps_move.
 template <class T>
-bool make_patch_ray(const ObjectRay& ray, const Vec3d& center, double radius, PatchRay<T>& r) {
-  const Vec3d d = ray.dir;
-  const double ax = std::abs(d.x), ay = std::abs(d.y), az = std::abs(d.z);
-  r.axis_z = az >= ax && az >= ay ? 2 : (ay >= ax ? 1 : 0);
-  r.axis_x = r.axis_z == 2 ? 0 : r.axis_z + 1;
-  r.axis_y = r.axis_x == 2 ? 0 : r.axis_x + 1;
-  const double dz = d[r.axis_z];
-  const Vec3d o = ray.org - center;
-  const double finite = (o.x + o.y + o.z) * 0 + (d.x + d.y + d.z) * 0;
-  if (!(dz != 0 && finite == 0 && ray.tnear < ray.tfar)) return false;
+bool make_patch_ray(const ObjectRay& ray, const Extent& extent, PatchRay<T>& r) {
+  using V = Quad<double>;
+  const Vec3d& c = extent.center;
+  const V o = V{ray.org.x, ray.org.y, ray.org.z, 0} - V{c.x, c.y, c.z, 0};
+  const V d{ray.dir.x, ray.dir.y, ray.dir.z, 0};
+  const V half{extent.half.x, extent.half.y, extent.half.z, 0};
+  const V ad = abs(d);
+  const int largest = ad[0] >= ad[1] ? (ad[0] >= ad[2] ? 0 : 2) : (ad[1] >= ad[2] ? 1 : 2);
+  r.z_scale = ad[largest];
+  r.t_scale = 1 / r.z_scale;
+  const V n = r.t_scale * d;
 
-  // Move the origin to the point nearest to the centre; a far miss ends here.
-  const Vec3d n{d.x / std::abs(dz), d.y / std::abs(dz), d.z / std::abs(dz)};
-  const double s = -dot(o, n) / dot(n, n);
-  const Vec3d moved = o + s * n;
-  const double far = std::max({std::abs(o.x), std::abs(o.y), std::abs(o.z)}) + std::abs(s);
+  // The slabs of the extent, in z: a zero component is almost one (its planes are far away, or the
+  // ray runs in the padding).
+  const V tiny = V{} + 1e-200;
+  const V inverse = 1 / (abs(n) > tiny ? n : V{tiny});
+  const V a = (-half - o) * inverse, b = (half - o) * inverse;
+  const V lo = min(a, b), hi = max(a, b);
+  const double entry = std::max(std::max(lo[0], lo[1]), lo[2]);
+  const double exit = std::min(std::min(hi[0], hi[1]), hi[2]);
+  // What is not finite, or has no direction, fails here, too.
+  if (!(entry <= exit && exit >= ray.tnear * r.z_scale && entry <= ray.tfar * r.z_scale &&
+        ray.tnear < ray.tfar))
+    return false;
+
+  const double s = std::min(std::max(0.0, entry), exit);
+  const V moved = o + s * n;
+  const double far = std::max({std::abs(o[0]), std::abs(o[1]), std::abs(o[2])}) + std::abs(s);
   const double eps_move = 8 * unit_roundoff<double> * far;
-  const double reach = (1 + 1e-6) * std::sqrt(3.0) * radius + eps_move;
-  if (!(dot(moved, moved) <= reach * reach)) return false;
-
-  for (int i = 0; i < 3; ++i) r.org[i] = T(moved[i]);
-  r.t_scale = 1 / std::abs(dz);
+  for (int i = 0; i < 3; ++i) r.org[i] = T(moved[i]), r.dir[i] = T(n[i]);
+  r.axis_z = largest;
+  r.axis_x = largest == 2 ? 0 : largest + 1;
+  r.axis_y = r.axis_x == 2 ? 0 : r.axis_x + 1;
   r.t_origin = s * r.t_scale;
-  r.shear_x = T(-n[r.axis_x] / n[r.axis_z]);
-  r.shear_y = T(-n[r.axis_y] / n[r.axis_z]);
-  r.sign_z = dz > 0 ? T(1) : T(-1);
-  r.zmin = z_of<T>(ray.tnear, r.t_origin, r.t_scale, false);
-  r.zmax = z_of<T>(ray.tfar, r.t_origin, r.t_scale, true);
-
-  const double size = radius + std::max({std::abs(moved.x), std::abs(moved.y), std::abs(moved.z)});
-  r.eps = T((9 * double(unit_roundoff<T>) * size + eps_move) * (1 + 1e-6));
-  r.eps_z = T((4 * double(unit_roundoff<T>) * size + eps_move) * (1 + 1e-6));
+  r.sign_z = T(n[largest]) > 0 ? T(1) : T(-1);
+  r.shear_x = -r.sign_z * r.dir[r.axis_x];
+  r.shear_y = -r.sign_z * r.dir[r.axis_y];
+  const double radius = extent.radius;
+  r.eps = T((20 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
+  r.eps_z = T((8 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
+  r.zmin = r.z_below(ray.tnear);
+  r.zmax = r.z_above(ray.tfar);
   return true;
 }
 

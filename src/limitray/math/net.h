@@ -50,6 +50,10 @@ V max(V a, V b) {
   return a > b ? a : b;
 }
 template <class V>
+V min(V a, V b) {
+  return a < b ? a : b;
+}
+template <class V>
 V abs(V v) {
   return max(v, V(-v));
 }

@@ -1,78 +1,15 @@
 // Stage: patches (S0). See patch_recipe.h.
 #include "limitray/patches/patch_recipe.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "limitray/patches/bspline.h"
 #include "limitray/patches/gregory_net.h"
 
 namespace limitray {
-
-// Stencils.
-
-void StencilList::add(std::span<const std::int32_t> sources, std::span<const double> weights) {
-  double kept[1024];
-  std::vector<double> many;
-  double* mask = kept;
-  if (weights.size() > std::size(kept)) {
-    many.resize(weights.size());
-    mask = many.data();
-  }
-  std::size_t size = 0;
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    if (weights[i] == 0) continue;
-    mask[size++] = weights[i];
-    sources_.push_back(sources[i]);
-  }
-  mask_of_point_.push_back(find_mask({mask, size}));
-}
-
-std::uint32_t StencilList::find_mask(std::span<const double> weights) {
-  std::uint64_t hash = weights.size();
-  for (double w : weights) {
-    std::uint64_t bits;
-    std::memcpy(&bits, &w, sizeof bits);
-    hash = (hash ^ bits) * 0x9E3779B97F4A7C15ull;
-    hash ^= hash >> 29;
-  }
-  const auto [begin, end] = masks_by_hash_.equal_range(hash);
-  for (auto it = begin; it != end; ++it) {
-    const std::uint32_t first = mask_begin_[it->second], last = mask_begin_[it->second + 1];
-    if (std::equal(weights.begin(), weights.end(), weights_.begin() + first,
-                   weights_.begin() + last))
-      return it->second;
-  }
-  const auto mask = static_cast<std::uint32_t>(mask_begin_.size() - 1);
-  weights_.insert(weights_.end(), weights.begin(), weights.end());
-  mask_begin_.push_back(static_cast<std::uint32_t>(weights_.size()));
-  masks_by_hash_.emplace(hash, mask);
-  return mask;
-}
-
-void StencilList::finish() {
-  masks_by_hash_.clear();
-  masks_by_hash_.rehash(0);
-  mask_of_point_.shrink_to_fit();
-  sources_.shrink_to_fit();
-  weights_.shrink_to_fit();
-}
-
-void StencilList::apply(std::vector<Vec3d>& points) const {
-  const std::size_t first = points.size();
-  points.resize(first + size());
-  const std::int32_t* source = sources_.data();
-  for (std::size_t i = 0; i < size(); ++i) {
-    const std::uint32_t begin = mask_begin_[mask_of_point_[i]],
-                        end = mask_begin_[mask_of_point_[i] + 1];
-    Vec3d sum{};
-    for (std::uint32_t w = begin; w < end; ++w) sum = sum + weights_[w] * points[*source++];
-    points[first + i] = sum;
-  }
-}
-
-// Nets.
 
 namespace {
 
@@ -114,8 +51,7 @@ double largest(const double* values, int count) {
 /// Largest |control value| of a Gregory patch's component, both points of each pair included.
 double largest(const double (&net)[16], const double (&bump)[4]) {
   double m = largest(net, 16);
-  for (int i = 0; i < 4; ++i)
-    m = std::max(m, std::abs(net[interior_index[i]]) + std::abs(bump[i]));
+  for (int i = 0; i < 4; ++i) m = std::max(m, std::abs(net[interior_index[i]]) + std::abs(bump[i]));
   return m;
 }
 
@@ -143,8 +79,7 @@ double PatchRecipe::make(std::span<const Vec3d> cage_points, Vec3d origin, Patch
         std::copy(p, p + 16, nets->c[k]);
       }
     }
-    for (std::size_t n = 0; n < count; ++n)
-      radius = std::max(radius, largest(nets[n].c[0], 48));
+    for (std::size_t n = 0; n < count; ++n) radius = std::max(radius, largest(nets[n].c[0], 48));
     nets += count;
   }
   for (const GregoryPatch& patch : gregory) {
@@ -158,6 +93,49 @@ double PatchRecipe::make(std::span<const Vec3d> cage_points, Vec3d origin, Patch
     ++bumps;
   }
   return radius;
+}
+
+namespace {
+
+/// Centre of the box around `points`.
+Vec3d centre(std::span<const Vec3d> points) {
+  if (points.empty()) return {};
+  Vec3d low = points[0], high = points[0];
+  for (const Vec3d& p : points)
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], p[k]);
+      high[k] = std::max(high[k], p[k]);
+    }
+  return 0.5 * low + 0.5 * high;
+}
+
+}  // namespace
+
+PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes,
+                                std::span<const Vec3d> points) {
+  std::vector<std::size_t> first_net{0}, first_bump{0};
+  for (const PatchRecipe& recipe : recipes) {
+    first_net.push_back(first_net.back() + recipe.infos.size());
+    first_bump.push_back(first_bump.back() + recipe.gregory.size());
+  }
+  PatchBuffer<double> patches;
+  patches.origin = centre(points);
+  patches.nets.resize(first_net.back());
+  patches.infos.resize(first_net.back());
+  patches.bumps.resize(first_bump.back());
+
+  std::vector<double> radius(recipes.size());
+  tbb::parallel_for(std::size_t{0}, recipes.size(), [&](std::size_t r) {
+    PatchInfo* infos = patches.infos.data() + first_net[r];
+    for (PatchInfo info : recipes[r].infos) {
+      if (info.bump != no_bump) info.bump += static_cast<std::uint32_t>(first_bump[r]);
+      *infos++ = info;
+    }
+    radius[r] = recipes[r].make(points, patches.origin, patches.nets.data() + first_net[r],
+                                patches.bumps.data() + first_bump[r]);
+  });
+  for (const double r : radius) patches.radius = std::max(patches.radius, r);
+  return patches;
 }
 
 }  // namespace limitray

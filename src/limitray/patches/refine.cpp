@@ -1,7 +1,6 @@
 // Stage: patches (S0). See refine.h. The only file that includes OpenSubdiv.
 //
-// The faces are refined in groups that share the base topology: groups run in parallel, the memory
-// of a refinement is that of one group a thread, and what is kept of each is a PatchRecipe.
+// Groups of faces are refined in parallel; what is kept of each refinement is a PatchRecipe.
 #include "limitray/patches/refine.h"
 
 #include <opensubdiv/far/patchTable.h>
@@ -15,10 +14,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <unordered_map>
 
 #include "limitray/patches/bspline.h"
+#include "limitray/patches/face_groups.h"
 #include "limitray/patches/patch_recipe.h"
 
 namespace limitray {
@@ -32,60 +35,77 @@ using FarRefiner = std::unique_ptr<Far::TopologyRefiner>;
 using FarTable = std::unique_ptr<const Far::PatchTable>;
 
 constexpr int deepest_level = 10;  // OpenSubdiv's limit
-constexpr std::size_t faces_per_group = 8192;
 
 // The base topology.
 
+/// In the order of FaceVaryingLinearInterpolation.
+constexpr Sdc::Options::FVarLinearInterpolation face_varying_rules[] = {
+    Sdc::Options::FVAR_LINEAR_NONE,          Sdc::Options::FVAR_LINEAR_CORNERS_ONLY,
+    Sdc::Options::FVAR_LINEAR_CORNERS_PLUS1, Sdc::Options::FVAR_LINEAR_CORNERS_PLUS2,
+    Sdc::Options::FVAR_LINEAR_BOUNDARIES,    Sdc::Options::FVAR_LINEAR_ALL};
+
 Sdc::Options scheme_options(const ControlCage& cage) {
   Sdc::Options options;
-  switch (cage.interpolate_boundary) {
-    case InterpolateBoundary::none:
-      options.SetVtxBoundaryInterpolation(Sdc::Options::VTX_BOUNDARY_NONE);
-      break;
-    case InterpolateBoundary::edge_only:
-      options.SetVtxBoundaryInterpolation(Sdc::Options::VTX_BOUNDARY_EDGE_ONLY);
-      break;
-    case InterpolateBoundary::edge_and_corner:
-      options.SetVtxBoundaryInterpolation(Sdc::Options::VTX_BOUNDARY_EDGE_AND_CORNER);
-      break;
-  }
+  // The rule `none` only takes faces away, which FaceGroups has done.
+  options.SetVtxBoundaryInterpolation(cage.interpolate_boundary ==
+                                              InterpolateBoundary::edge_and_corner
+                                          ? Sdc::Options::VTX_BOUNDARY_EDGE_AND_CORNER
+                                          : Sdc::Options::VTX_BOUNDARY_EDGE_ONLY);
   options.SetCreasingMethod(cage.creasing_method == CreasingMethod::chaikin
                                 ? Sdc::Options::CREASE_CHAIKIN
                                 : Sdc::Options::CREASE_UNIFORM);
   options.SetTriangleSubdivision(cage.triangle_subdivision_rule == TriangleSubdivisionRule::smooth
                                      ? Sdc::Options::TRI_SUB_SMOOTH
                                      : Sdc::Options::TRI_SUB_CATMARK);
+  options.SetFVarLinearInterpolation(
+      face_varying_rules[static_cast<int>(cage.face_varying_linear_interpolation)]);
   return options;
 }
 
-FarRefiner make_base(const ControlCage& cage) {
-  std::vector<std::int32_t> crease_vertices;
-  std::vector<float> crease_weights;
-  for (const CreaseEdge& edge : crease_edges(cage)) {
-    crease_vertices.insert(crease_vertices.end(), {edge.v0, edge.v1});
-    crease_weights.push_back(edge.sharpness);
+/// The values of a face-varying primvar at the corners of a group, with a numbering of their own.
+struct GroupValues {
+  std::vector<std::int32_t> rows;     // of the primvar's values, one a value of the group
+  std::vector<std::int32_t> indices;  // into rows, one a corner of the group
+
+  GroupValues(const FaceGroup& group, const Primvar& primvar) {
+    std::unordered_map<std::int32_t, std::int32_t> numbers;
+    for (const std::int32_t corner : group.corners) {
+      const std::int32_t row = primvar.indices[corner];
+      const auto number = static_cast<std::int32_t>(rows.size());
+      const auto [it, is_new] = numbers.try_emplace(row, number);
+      if (is_new) rows.push_back(row);
+      indices.push_back(it->second);
+    }
+  }
+};
+
+/// With `values` as a face-varying channel, unless null.
+FarRefiner make_base(const FaceGroup& group, const GroupValues* values,
+                     const Sdc::Options& scheme) {
+  Far::TopologyDescriptor d;
+  d.numVertices = static_cast<int>(group.vertices.size());
+  d.numFaces = static_cast<int>(group.faces.size());
+  d.numVertsPerFace = group.face_vertex_counts.data();
+  d.vertIndicesPerFace = group.face_vertex_indices.data();
+  d.numCreases = static_cast<int>(group.crease_sharpnesses.size());
+  d.creaseVertexIndexPairs = group.crease_pairs.data();
+  d.creaseWeights = group.crease_sharpnesses.data();
+  d.numCorners = static_cast<int>(group.corner_indices.size());
+  d.cornerVertexIndices = group.corner_indices.data();
+  d.cornerWeights = group.corner_sharpnesses.data();
+
+  Far::TopologyDescriptor::FVarChannel channel;
+  if (values) {
+    channel.numValues = static_cast<int>(values->rows.size());
+    channel.valueIndices = values->indices.data();
+    d.numFVarChannels = 1;
+    d.fvarChannels = &channel;
   }
 
-  Far::TopologyDescriptor d;
-  d.numVertices = static_cast<int>(cage.points.size());
-  d.numFaces = static_cast<int>(cage.face_count());
-  d.numVertsPerFace = cage.face_vertex_counts.data();
-  d.vertIndicesPerFace = cage.face_vertex_indices.data();
-  d.numCreases = static_cast<int>(crease_weights.size());
-  d.creaseVertexIndexPairs = crease_vertices.data();
-  d.creaseWeights = crease_weights.data();
-  d.numCorners = static_cast<int>(cage.corner_indices.size());
-  d.cornerVertexIndices = cage.corner_indices.data();
-  d.cornerWeights = cage.corner_sharpnesses.data();
-  d.numHoles = static_cast<int>(cage.hole_indices.size());
-  d.holeIndices = cage.hole_indices.data();
-
-  RefinerFactory::Options options(Sdc::SCHEME_CATMARK, scheme_options(cage));
-  FarRefiner base(RefinerFactory::Create(d, options));
+  FarRefiner base(RefinerFactory::Create(d, {Sdc::SCHEME_CATMARK, scheme}));
   if (!base)
-    throw std::invalid_argument("cage: the topology cannot be refined (" +
-                                std::to_string(cage.points.size()) + " points, " +
-                                std::to_string(cage.face_count()) + " faces)");
+    throw std::invalid_argument("cage: faces and vertices must have less than " +
+                                std::to_string(OpenSubdiv::Vtr::VALENCE_LIMIT) + " neighbours");
   return base;
 }
 
@@ -94,11 +114,11 @@ struct PtexFaces {
   std::vector<std::uint32_t> face;
   std::vector<std::uint16_t> sub_quad;
 
-  explicit PtexFaces(const ControlCage& cage) {
-    for (std::size_t f = 0; f < cage.face_count(); ++f) {
-      const int n = cage.face_vertex_counts[f];
+  explicit PtexFaces(const FaceGroup& group) {
+    for (std::size_t f = 0; f < group.faces.size(); ++f) {
+      const int n = group.face_vertex_counts[f];
       for (int corner = 0; corner < (n == 4 ? 1 : n); ++corner) {
-        face.push_back(static_cast<std::uint32_t>(f));
+        face.push_back(static_cast<std::uint32_t>(group.faces[f]));
         sub_quad.push_back(static_cast<std::uint16_t>(corner));
       }
     }
@@ -127,29 +147,31 @@ Levels levels_for(const ControlCage& cage, int isolation_level) {
 
 // One group of faces: from OpenSubdiv's refinement to a recipe.
 
-/// Numbers the points of a group: control points as they are met, then computed points. OpenSubdiv
+/// Numbers the points of a recipe: control points as they are met, then computed points. OpenSubdiv
 /// counts the vertices of all levels through, then the Gregory points.
 class PointNumbers {
  public:
-  PointNumbers(PatchRecipe& recipe, int base_count, int total)
-      : recipe_(recipe), base_count_(base_count), local_(total, unknown) {}
+  PointNumbers(std::vector<std::int32_t>& control_points,
+               const std::vector<std::int32_t>& group_points, int total)
+      : control_points_(control_points), group_points_(group_points), numbers_(total, unknown) {}
 
-  bool is_base(int far_index) const { return far_index < base_count_; }
-
-  /// Counts a control point in.
+  /// Counts a control point in; does nothing for computed points.
   void use(int far_index) {
-    if (!is_base(far_index) || local_[far_index] != unknown) return;
-    local_[far_index] = static_cast<std::int32_t>(recipe_.control_points.size());
-    recipe_.control_points.push_back(far_index);
+    if (far_index >= static_cast<int>(group_points_.size()) || numbers_[far_index] != unknown)
+      return;
+    numbers_[far_index] = static_cast<std::int32_t>(control_points_.size());
+    control_points_.push_back(group_points_[far_index]);
   }
-  void define(int far_index, std::int32_t local) { local_[far_index] = local; }
-  std::int32_t operator[](int far_index) const { return local_[far_index]; }
+  void define(int far_index, std::size_t number) {
+    numbers_[far_index] = static_cast<std::int32_t>(number);
+  }
+  std::int32_t operator[](int far_index) const { return numbers_[far_index]; }
 
  private:
   static constexpr std::int32_t unknown = -1;
-  PatchRecipe& recipe_;
-  int base_count_;
-  std::vector<std::int32_t> local_;
+  std::vector<std::int32_t>& control_points_;      // into the cage's points
+  const std::vector<std::int32_t>& group_points_;  // the group's, the same
+  std::vector<std::int32_t> numbers_;              // one an OpenSubdiv point
 };
 
 /// Weighted sums as OpenSubdiv's PrimvarRefiner tells them: it "interpolates" point numbers.
@@ -177,45 +199,90 @@ struct RecordedStencils {
   };
 };
 
-RecordedStencils record_refinement(const Far::TopologyRefiner& refiner) {
+/// A refined group and its patches. The points are vertices, or the values of the face-varying
+/// channel: OpenSubdiv keeps the same tables of both.
+struct RefinedGroup {
+  FarRefiner refiner;
+  FarTable table;
+  bool face_varying;
+
+  int point_count(int level) const {
+    const Far::TopologyLevel& l = refiner->GetLevel(level);
+    return face_varying ? l.GetNumFVarValues() : l.GetNumVertices();
+  }
+  /// Over all levels; Gregory points come after them.
+  int refined_count() const {
+    return face_varying ? refiner->GetNumFVarValuesTotal() : refiner->GetNumVerticesTotal();
+  }
+  int local_count() const {
+    return face_varying ? table->GetNumLocalPointsFaceVarying() : table->GetNumLocalPoints();
+  }
+  const Far::StencilTableReal<double>* local_stencils() const {
+    return face_varying ? table->GetLocalPointFaceVaryingStencilTable<double>()
+                        : table->GetLocalPointStencilTable<double>();
+  }
+  Far::PatchParam param(int array, int i) const {
+    return face_varying ? table->GetPatchFVarPatchParam(array, i) : table->GetPatchParam(array, i);
+  }
+  /// The 16 points of a regular patch, the 20 of a Gregory patch.
+  Far::ConstIndexArray points(int array, int i) const {
+    const Far::ConstIndexArray all =
+        face_varying ? table->GetPatchFVarValues(array, i) : table->GetPatchVertices(array, i);
+    return {all.begin(), param(array, i).IsRegular() ? 16 : 20};
+  }
+  /// Of the one crease edge of a regular patch; 0 for none.
+  float crease_sharpness(int array, int i) const {
+    return face_varying ? 0 : table->GetSingleCreasePatchSharpnessValue(array, i);
+  }
+  template <class Visit>
+  void for_each_patch(const Visit& visit) const {
+    for (int array = 0; array < table->GetNumPatchArrays(); ++array)
+      for (int i = 0; i < table->GetNumPatches(array); ++i) visit(array, i);
+  }
+};
+
+RecordedStencils record_refinement(const RefinedGroup& group) {
   RecordedStencils list;
-  const Far::PrimvarRefinerReal<double> primvars(refiner);
+  const Far::PrimvarRefinerReal<double> primvars(*group.refiner);
   int offset = 0;
-  for (int level = 1; level < refiner.GetNumLevels(); ++level) {
+  for (int level = 1; level < group.refiner->GetNumLevels(); ++level) {
     const RecordedStencils::Level source{&list, offset};
-    offset += refiner.GetLevel(level - 1).GetNumVertices();
+    offset += group.point_count(level - 1);
     RecordedStencils::Level target{&list, offset};
-    primvars.Interpolate(level, source, target);
+    if (group.face_varying)
+      primvars.InterpolateFaceVarying(level, source, target);
+    else
+      primvars.Interpolate(level, source, target);
   }
   list.begin.push_back(static_cast<int>(list.sources.size()));
   return list;
 }
 
-class GroupBuilder {
+class RecipeBuilder {
  public:
-  GroupBuilder(const Far::TopologyRefiner& refiner, const Far::PatchTable& table,
-               const PtexFaces& ptex)
-      : refiner_(refiner),
-        table_(table),
-        ptex_(ptex),
-        numbers_(recipe_, refiner.GetLevel(0).GetNumVertices(),
-                 refiner.GetNumVerticesTotal() + table.GetNumLocalPoints()) {}
+  /// `points` are the control points of the group: its vertices, or rows of the primvar's values.
+  RecipeBuilder(const RefinedGroup& group, const FaceGroup& faces,
+                const std::vector<std::int32_t>& points)
+      : group_(group),
+        ptex_(faces),
+        numbers_(recipe_.control_points, points, group.refined_count() + group.local_count()) {}
 
   PatchRecipe build() {
     add_stencils();
-    for (int array = 0; array < table_.GetNumPatchArrays(); ++array)
-      for (int i = 0; i < table_.GetNumPatches(array); ++i) add_patch(array, i);
+    group_.for_each_patch([&](int array, int i) { add_patch(array, i); });
     return std::move(recipe_);
   }
 
  private:
   void add_stencils() {
-    const RecordedStencils refined = record_refinement(refiner_);
-    const auto* local = table_.GetLocalPointStencilTable<double>();
+    const RecordedStencils refined = record_refinement(group_);
+    const auto* local = group_.local_stencils();
     for (int source : refined.sources) numbers_.use(source);
     if (local)
       for (int source : local->GetControlIndices()) numbers_.use(source);
-    for (int source : table_.GetPatchControlVerticesTable()) numbers_.use(source);
+    group_.for_each_patch([&](int array, int i) {
+      for (int source : group_.points(array, i)) numbers_.use(source);
+    });
 
     for (std::size_t i = 0; i < refined.target.size(); ++i) {
       const int begin = refined.begin[i], end = refined.begin[i + 1];
@@ -227,7 +294,7 @@ class GroupBuilder {
   }
 
   void add_local_points(const Far::StencilTableReal<double>& local) {
-    int target = refiner_.GetNumVerticesTotal();
+    int target = group_.refined_count();
     const int* source = local.GetControlIndices().data();
     const double* weight = local.GetWeights().data();
     for (int size : local.GetSizes()) {
@@ -240,18 +307,16 @@ class GroupBuilder {
   void add_stencil(int target, const int* sources, const double* weights, int size) {
     sources_.resize(size);
     for (int i = 0; i < size; ++i) sources_[i] = numbers_[sources[i]];
-    numbers_.define(target, static_cast<std::int32_t>(recipe_.control_points.size() +
-                                                      recipe_.stencils.size()));
+    numbers_.define(target, recipe_.control_points.size() + recipe_.stencils.size());
     recipe_.stencils.add(sources_, {weights, static_cast<std::size_t>(size)});
   }
 
   void add_patch(int array, int i) {
-    const Far::ConstIndexArray points = table_.GetPatchVertices(array, i);
-    const Far::PatchParam param = table_.GetPatchParam(array, i);
+    const Far::ConstIndexArray points = group_.points(array, i);
+    const Far::PatchParam param = group_.param(array, i);
     PatchInfo info = patch_info(param);
-    if (table_.GetPatchArrayDescriptor(array).GetType() == Far::PatchDescriptor::REGULAR) {
-      add_regular(points, param.GetBoundary(), table_.GetSingleCreasePatchSharpnessValue(array, i),
-                  info);
+    if (param.IsRegular()) {
+      add_regular(points, param.GetBoundary(), group_.crease_sharpness(array, i), info);
       return;
     }
     info.bump = static_cast<std::uint32_t>(recipe_.gregory.size());
@@ -306,151 +371,82 @@ class GroupBuilder {
     return info;
   }
 
-  const Far::TopologyRefiner& refiner_;
-  const Far::PatchTable& table_;
-  const PtexFaces& ptex_;
+  const RefinedGroup& group_;
+  const PtexFaces ptex_;
   PatchRecipe recipe_;
   PointNumbers numbers_;
   std::vector<std::int32_t> sources_;
   std::vector<float> sharpnesses_;  // of recipe_.creases
 };
 
-PatchRecipe refine_group(const Far::TopologyRefiner& base, const PtexFaces& ptex,
-                         const std::vector<int>& faces, Levels levels) {
+/// Of the positions, or of `face_varying` unless null.
+PatchRecipe refine_group(const FaceGroup& group, const Primvar* face_varying,
+                         const Sdc::Options& scheme, Levels levels) {
   Far::PatchTableFactory::Options options(levels.sharp);
-  options.useSingleCreasePatch = true;
+  options.useSingleCreasePatch = !face_varying;  // OpenSubdiv has no face-varying ones
   options.useInfSharpPatch = true;
   options.generateLegacySharpCornerPatches = false;
   options.generateFVarLegacyLinearPatches = false;
   options.generateVaryingTables = false;
+  options.generateFVarTables = face_varying != nullptr;
   options.SetPatchPrecision<double>();
+  options.SetFVarPatchPrecision<double>();
   options.SetEndCapType(Far::PatchTableFactory::Options::ENDCAP_GREGORY_BASIS);
-
   Far::TopologyRefiner::AdaptiveOptions adaptive = options.GetRefineAdaptiveOptions();
   adaptive.SetSecondaryLevel(levels.smooth);
 
-  const Far::ConstIndexArray selected(faces.data(), static_cast<int>(faces.size()));
-  const FarRefiner refiner(RefinerFactory::Create(base));
-  refiner->RefineAdaptive(adaptive, selected);
-  const FarTable table(Far::PatchTableFactory::Create(*refiner, options, selected));
-  return GroupBuilder(*refiner, *table, ptex).build();
+  std::vector<int> faces(group.refined_faces);
+  std::iota(faces.begin(), faces.end(), 0);
+  std::optional<GroupValues> values;
+  if (face_varying) values.emplace(group, *face_varying);
+  FarRefiner refiner = make_base(group, values ? &*values : nullptr, scheme);
+  refiner->RefineAdaptive(adaptive, {faces.data(), group.refined_faces});
+  FarTable table(
+      Far::PatchTableFactory::Create(*refiner, options, {faces.data(), group.own_faces}));
+  const RefinedGroup refined{std::move(refiner), std::move(table), face_varying != nullptr};
+  return RecipeBuilder(refined, group, values ? values->rows : group.vertices).build();
 }
 
-/// Faces that have a surface, in groups. OpenSubdiv adds the faces that the boundary rule `none`
-/// takes away to the cage's holes.
-std::vector<std::vector<int>> face_groups(const Far::TopologyRefiner& base) {
-  std::vector<int> faces;
-  const Far::TopologyLevel& level = base.GetLevel(0);
-  for (int f = 0; f < level.GetNumFaces(); ++f)
-    if (!level.IsFaceHole(f)) faces.push_back(f);
-
-  std::vector<std::vector<int>> groups;
-  for (std::size_t i = 0; i < faces.size(); i += faces_per_group)
-    groups.emplace_back(faces.begin() + i,
-                        faces.begin() + std::min(faces.size(), i + faces_per_group));
-  return groups;
-}
-
-Vec3d centre(std::span<const Vec3d> points) {
-  if (points.empty()) return {};
-  Vec3d low = points[0], high = points[0];
-  for (const Vec3d& p : points)
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], p[k]);
-      high[k] = std::max(high[k], p[k]);
-    }
-  return 0.5 * low + 0.5 * high;
+/// Of the positions, or of `face_varying` unless null.
+std::vector<PatchRecipe> make_recipes(const ControlCage& cage, const Primvar* face_varying,
+                                      const RefineOptions& options) {
+  if (options.isolation_level < 1 || options.isolation_level > deepest_level)
+    throw std::invalid_argument("isolation_level: must be 1 to 10, got " +
+                                std::to_string(options.isolation_level));
+  const FaceGroups groups(cage);
+  const Sdc::Options scheme = scheme_options(cage);
+  const Levels levels = levels_for(cage, options.isolation_level);
+  std::vector<PatchRecipe> recipes(groups.size());
+  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t i) {
+    recipes[i] = refine_group(groups.make(i), face_varying, scheme, levels);
+  });
+  return recipes;
 }
 
 }  // namespace
 
 struct Refiner::Topology {
-  std::size_t point_count = 0;
-  std::vector<PatchRecipe> groups;
-  std::vector<std::size_t> first_net{0}, first_bump{0};  // one a group, and the totals
+  std::size_t point_count;
+  std::vector<PatchRecipe> recipes;
 };
 
 Refiner::Refiner(const ControlCage& cage, const RefineOptions& options)
-    : topology_(std::make_unique<Topology>()) {
-  if (options.isolation_level < 1 || options.isolation_level > deepest_level)
-    throw std::invalid_argument("isolation_level: must be 1 to 10, got " +
-                                std::to_string(options.isolation_level));
-  Topology& t = *topology_;
-  t.point_count = cage.points.size();
+    : topology_(new Topology{cage.points.size(), make_recipes(cage, nullptr, options)}) {}
 
-  const FarRefiner base = make_base(cage);
-  const PtexFaces ptex(cage);
-  const Levels levels = levels_for(cage, options.isolation_level);
-  const std::vector<std::vector<int>> groups = face_groups(*base);
-  t.groups.resize(groups.size());
-  tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t g) {
-    t.groups[g] = refine_group(*base, ptex, groups[g], levels);
-  });
-  for (const PatchRecipe& group : t.groups) {
-    t.first_net.push_back(t.first_net.back() + group.infos.size());
-    t.first_bump.push_back(t.first_bump.back() + group.gregory.size());
-  }
-}
+Refiner::Refiner(const ControlCage& cage, const Primvar& face_varying, const RefineOptions& options)
+    : topology_(new Topology{face_varying.values.size() / face_varying.width,
+                             make_recipes(cage, &face_varying, options)}) {}
 
 Refiner::~Refiner() = default;
 Refiner::Refiner(Refiner&&) noexcept = default;
 Refiner& Refiner::operator=(Refiner&&) noexcept = default;
 
 PatchBuffer<double> Refiner::make_patches(std::span<const Vec3d> points) const {
-  const Topology& t = *topology_;
-  if (points.size() != t.point_count)
+  if (points.size() != topology_->point_count)
     throw std::invalid_argument("points: must be as many as the cage has, " +
-                                std::to_string(t.point_count) + ", got " +
+                                std::to_string(topology_->point_count) + ", got " +
                                 std::to_string(points.size()));
-  PatchBuffer<double> patches;
-  patches.origin = centre(points);
-  patches.nets.resize(t.first_net.back());
-  patches.infos.resize(t.first_net.back());
-  patches.bumps.resize(t.first_bump.back());
-
-  std::vector<double> radius(t.groups.size());
-  tbb::parallel_for(std::size_t{0}, t.groups.size(), [&](std::size_t g) {
-    const std::size_t net = t.first_net[g], bump = t.first_bump[g];
-    radius[g] = t.groups[g].make(points, patches.origin, patches.nets.data() + net,
-                                 patches.bumps.data() + bump);
-    for (std::size_t i = 0; i < t.groups[g].infos.size(); ++i) {
-      PatchInfo info = t.groups[g].infos[i];
-      if (info.bump != no_bump) info.bump += static_cast<std::uint32_t>(bump);
-      patches.infos[net + i] = info;
-    }
-  });
-  for (double r : radius) patches.radius = std::max(patches.radius, r);
-  return patches;
+  return run_recipes(topology_->recipes, points);
 }
-
-template <class T>
-PatchBuffer<T> round_patches(const PatchBuffer<double>& patches,
-                             std::span<const std::uint32_t> order) {
-  PatchBuffer<T> rounded;
-  rounded.origin = patches.origin;
-  rounded.radius = patches.radius;
-  rounded.nets.resize(patches.size());
-  rounded.infos.resize(patches.size());
-  rounded.bumps.reserve(patches.bumps.size());
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    const std::size_t from = order.empty() ? i : order[i];
-    const double* net = patches.nets[from].c[0];
-    std::transform(net, net + 48, rounded.nets[i].c[0], [](double x) { return T(x); });
-    PatchInfo info = patches.infos[from];
-    if (info.bump != no_bump) {
-      const double* bump = patches.bumps[info.bump].c[0];
-      info.bump = static_cast<std::uint32_t>(rounded.bumps.size());
-      PatchBump<T>& to = rounded.bumps.emplace_back();
-      std::transform(bump, bump + 12, to.c[0], [](double x) { return T(x); });
-    }
-    rounded.infos[i] = info;
-  }
-  return rounded;
-}
-
-template PatchBuffer<float> round_patches(const PatchBuffer<double>&,
-                                          std::span<const std::uint32_t>);
-template PatchBuffer<double> round_patches(const PatchBuffer<double>&,
-                                           std::span<const std::uint32_t>);
 
 }  // namespace limitray

@@ -22,12 +22,16 @@ class Refiner {
  public:
   /// Refines the topology. Throws std::invalid_argument if the cage cannot be refined.
   Refiner(const ControlCage& cage, const RefineOptions& options);
+  /// The same for a face-varying primvar of `cage`: OpenSubdiv's face-varying patches under the
+  /// cage's linear interpolation rule (any but `all`, whose surface is bilinear). Its "points" are
+  /// the rows of the primvar's values, three components at a time.
+  Refiner(const ControlCage& cage, const Primvar& face_varying, const RefineOptions& options);
   ~Refiner();
   Refiner(Refiner&&) noexcept;
   Refiner& operator=(Refiner&&) noexcept;
 
-  /// Patches of the surface for control points `points` (as many as the cage has). Patch order is
-  /// the same at each call.
+  /// Patches of the surface for control points `points` (as many as the cage or the primvar has).
+  /// Patch order is the same at each call.
   PatchBuffer<double> make_patches(std::span<const Vec3d> points) const;
 
  private:

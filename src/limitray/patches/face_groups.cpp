@@ -1,0 +1,95 @@
+// Stage: patches (S0). See face_groups.h.
+#include "limitray/patches/face_groups.h"
+
+#include <algorithm>
+
+namespace limitray {
+namespace {
+
+/// Appends all faces at the vertices of `faces` that are not yet there.
+void add_ring(const ControlCage& cage, const CageTopology& topology,
+              std::vector<std::int32_t>& faces, std::vector<bool>& taken) {
+  const std::size_t inner = faces.size();
+  for (std::size_t i = 0; i < inner; ++i) {
+    for (std::int32_t c = topology.face_offsets[faces[i]]; c < topology.face_offsets[faces[i] + 1];
+         ++c) {
+      for (const std::int32_t corner : topology.vertex_corners[cage.face_vertex_indices[c]]) {
+        const std::int32_t face = topology.corner_faces[corner];
+        if (taken[face]) continue;
+        taken[face] = true;
+        faces.push_back(face);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+FaceGroups::FaceGroups(const ControlCage& cage)
+    : cage_(cage),
+      topology_(make_topology(cage)),
+      edge_sharpness_(topology_.edges.size()),
+      vertex_sharpness_(cage.points.size()) {
+  const std::vector<bool> absent = absent_faces(cage, topology_);
+  for (std::size_t f = 0; f < cage.face_count(); ++f)
+    if (!absent[f]) faces_.push_back(static_cast<std::int32_t>(f));
+  group_size_ = std::clamp<std::size_t>(faces_.size() / 32, 1024, 8192);
+
+  for (const CreaseEdge& crease : crease_edges(cage))
+    edge_sharpness_[topology_.find_edge(crease.v0, crease.v1)] = crease.sharpness;
+  for (std::size_t i = 0; i < cage.corner_indices.size(); ++i)
+    vertex_sharpness_[cage.corner_indices[i]] = cage.corner_sharpnesses[i];
+}
+
+FaceGroup FaceGroups::make(std::size_t index) const {
+  FaceGroup group;
+  const auto first = faces_.begin() + index * group_size_;
+  group.faces.assign(first, first + std::min<std::size_t>(group_size_, faces_.end() - first));
+  group.own_faces = static_cast<std::int32_t>(group.faces.size());
+  add_rim(group);
+  add_topology(group);
+  return group;
+}
+
+/// All faces around a refined one must be there. Chaikin's rule looks one edge farther for the
+/// sharpness, so there the neighbours are refined, too.
+void FaceGroups::add_rim(FaceGroup& group) const {
+  std::vector<bool> taken(cage_.face_count());
+  for (const std::int32_t face : group.faces) taken[face] = true;
+  const bool chaikin = cage_.creasing_method == CreasingMethod::chaikin;
+  if (chaikin) add_ring(cage_, topology_, group.faces, taken);
+  group.refined_faces = static_cast<std::int32_t>(group.faces.size());
+  add_ring(cage_, topology_, group.faces, taken);
+  if (chaikin) add_ring(cage_, topology_, group.faces, taken);
+}
+
+void FaceGroups::add_topology(FaceGroup& group) const {
+  for (const std::int32_t face : group.faces) {
+    group.face_vertex_counts.push_back(cage_.face_vertex_counts[face]);
+    for (std::int32_t c = topology_.face_offsets[face]; c < topology_.face_offsets[face + 1]; ++c)
+      group.corners.push_back(c);
+  }
+  std::vector<std::int32_t> local(cage_.points.size(), -1);
+  for (const std::int32_t corner : group.corners) {
+    const std::int32_t vertex = cage_.face_vertex_indices[corner];
+    if (local[vertex] < 0) {
+      local[vertex] = static_cast<std::int32_t>(group.vertices.size());
+      group.vertices.push_back(vertex);
+    }
+    group.face_vertex_indices.push_back(local[vertex]);
+  }
+  for (const std::int32_t vertex : group.vertices) {
+    if (vertex_sharpness_[vertex] <= 0) continue;
+    group.corner_indices.push_back(local[vertex]);
+    group.corner_sharpnesses.push_back(vertex_sharpness_[vertex]);
+  }
+  for (const std::int32_t corner : group.corners) {
+    const std::int32_t edge = topology_.corner_edges[corner];
+    if (edge_sharpness_[edge] <= 0) continue;
+    group.crease_pairs.push_back(local[topology_.edges[edge].v0]);
+    group.crease_pairs.push_back(local[topology_.edges[edge].v1]);
+    group.crease_sharpnesses.push_back(edge_sharpness_[edge]);
+  }
+}
+
+}  // namespace limitray

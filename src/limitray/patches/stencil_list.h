@@ -1,0 +1,36 @@
+// Stage: patches (S0). Points of a refinement as weighted sums of earlier points: refined vertices
+// level by level, and the points of Gregory patches.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "limitray/math/vec.h"
+
+namespace limitray {
+
+/// Points as weighted sums of earlier points. Most stencils share their weights with many others
+/// (all regular vertices have the same), so the weights are kept once and named by number.
+class StencilList {
+ public:
+  /// Appends a point; sources and weights are of equal length, zero weights are dropped.
+  void add(std::span<const std::int32_t> sources, std::span<const double> weights);
+  /// Appends the points to `points`, which holds all sources so far.
+  void apply(std::vector<Vec3d>& points) const;
+  std::size_t size() const { return mask_of_point_.size(); }
+  /// Frees what only `add` needs.
+  void finish();
+
+ private:
+  std::uint32_t find_mask(std::span<const double> weights);
+
+  std::vector<std::uint32_t> mask_of_point_;  // one a point
+  std::vector<std::int32_t> sources_;         // of all points, one after the other
+  std::vector<std::uint32_t> mask_begin_{0};  // into weights_; mask m ends where m+1 begins
+  std::vector<double> weights_;
+  std::unordered_multimap<std::uint64_t, std::uint32_t> masks_by_hash_;
+};
+
+}  // namespace limitray
