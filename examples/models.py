@@ -1,6 +1,6 @@
 """Builds the cages of the gallery: shapes made by extruding faces, with creases.
 
-Comes in: nothing. Goes out: `gear()` and `octopus()` as `limitray.Mesh`.
+Comes in: nothing. Goes out: `gear()`, `octopus()` and `rounded_cube()` as `limitray.Mesh`.
 """
 
 from __future__ import annotations
@@ -85,6 +85,20 @@ def rotation(axis: Vector, angle: float) -> Vector:
     return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * skew @ skew
 
 
+def rounded_cube(sharpness: float) -> lr.Mesh:
+    """A cube of side 1.5 whose four upper edges are creased. Axis y."""
+    points = [(0.75 * x, 0.75 * y, 0.75 * z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6)]
+    return lr.Mesh(
+        points,
+        [4] * 6,
+        [v for face in faces for v in face],
+        crease_indices=[2, 3, 7, 6, 2],
+        crease_lengths=[5],
+        crease_sharpnesses=[sharpness],
+    )
+
+
 def gear(teeth: int = 18) -> lr.Mesh:
     """A gear with a hub, a bore and six oval openings; sharp and semi-sharp creases.
 
@@ -109,7 +123,7 @@ def gear(teeth: int = 18) -> lr.Mesh:
     for radius, height, _, toothed in profile:
         for k in range(segments):
             tip = toothed and k % 4 in (1, 2)
-            spread = (-0.16, 0.20, -0.20, 0.16)[k % 4] if toothed else 0.0
+            spread = (0.15, -0.22, 0.22, -0.15)[k % 4] if toothed else 0.0
             angle = 2 * math.pi * (k + 0.5 + spread) / segments
             r = radius + (0.30 if tip else 0.0)
             b.point(r * math.cos(angle), height, r * math.sin(angle))
@@ -192,7 +206,9 @@ def _socket(b: Builder, face: int) -> None:
     b.extrude([face], 0.72 * np.eye(3), 0.02 * normal)
     rim = b.faces[face]
     b.crease(1.5, *rim, rim[0])
-    b.extrude([face], 0.80 * np.eye(3), -0.16 * normal)
+    b.extrude([face], 0.80 * np.eye(3), -0.14 * normal)
+    b.extrude([face], 0.80 * np.eye(3), 0.02 * normal)
+    b.extrude([face], 1.10 * np.eye(3), 0.15 * normal)
 
 
 def _arm(b: Builder, face: int, number: int) -> None:

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 
 
 def main(folder: Path) -> int:
-    """Print each stage's outcome, then one line with the numbers of all tests."""
+    """Prints each stage's outcome and each failed test, then the numbers of all tests."""
     passed = failed = skipped = 0
     for line in (folder / "stages").read_text().splitlines():
         stage, outcome = line.rsplit(" ", 1)
@@ -17,6 +17,7 @@ def main(folder: Path) -> int:
         for case in ElementTree.parse(report).getroot().iter("testcase"):
             if case.find("failure") is not None or case.find("error") is not None:
                 failed += 1
+                print(f" failed  {report.stem}: {case.get('name')}")
             elif case.find("skipped") is not None:
                 skipped += 1
             else:

@@ -13,7 +13,7 @@ namespace limitray::bench {
 
 using EmbreeDevice = std::unique_ptr<RTCDeviceTy, void (*)(RTCDevice)>;
 using EmbreeScene = std::unique_ptr<RTCSceneTy, void (*)(RTCScene)>;
-using EmbreeGeometry = std::unique_ptr<RTCGeometryTy, void (*)(RTCGeometry)>;
+using GeometryHandle = std::unique_ptr<RTCGeometryTy, void (*)(RTCGeometry)>;
 
 /// rtcIntersect1 with the flags Embree recommends for coherent (or incoherent) rays.
 class EmbreeQuery {

@@ -17,9 +17,7 @@ void LimitrayTracer::trace(const RaySet& rays, HitBuffers& hits) {
   out.t = hits.t.data();
   out.primitive_id = hits.id.data();
   out.uv = hits.uv.data();
-  out.normal = !hits.normal.empty() ? hits.normal.data()
-               : with_normal_       ? normals_.data()
-                                    : nullptr;
+  out.normal = !hits.normal.empty() ? hits.normal.data() : with_normal_ ? normals_.data() : nullptr;
   const float tnear = 0, tfar = std::numeric_limits<float>::infinity();
   scene_.cast_rays<float>({rays.rays, {&tnear, 1}, {&tfar, 1}}, out);
 }

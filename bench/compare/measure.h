@@ -9,9 +9,11 @@
 
 namespace limitray::bench {
 
-/// Seconds that `tracers[i]` took for all rays: median, least and greatest over the rounds.
+/// Seconds that `tracers[i]` took for all rays: median, least and greatest over the rounds, and the
+/// median of the processor time of all threads, which does not count the neighbours of a shared
+/// machine.
 struct Timing {
-  double median = 0, fastest = 0, slowest = 0;
+  double median = 0, fastest = 0, slowest = 0, processor = 0;
 };
 
 /// One untimed pass each, then `rounds` rounds, each starting with another tracer.

@@ -15,7 +15,8 @@ std::array<double, 4> bump_weights_at(double s, double t) {
   std::array<double, 4> weights{};
   for (std::size_t k = 0; k < 4; ++k) {
     const double a = k == 1 || k == 2 ? 1 - s : s, b = k >= 2 ? 1 - t : t;
-    if (a + b > 0) weights[k] = bernstein_weights(a)[1] * bernstein_weights(b)[1] * (a - b) / (a + b);
+    if (a + b > 0)
+      weights[k] = bernstein_weights(a)[1] * bernstein_weights(b)[1] * (a - b) / (a + b);
   }
   return weights;
 }

@@ -15,8 +15,8 @@ constexpr int most_sides = 15;  // of a face in Embree
 void refuse_what_embree_lacks(const ControlCage& cage) {
   for (int sides : cage.face_vertex_counts)
     if (sides > most_sides)
-      throw std::runtime_error("a face of " + std::to_string(sides) + " sides, Embree has at most " +
-                               std::to_string(most_sides));
+      throw std::runtime_error("a face of " + std::to_string(sides) +
+                               " sides, Embree has at most " + std::to_string(most_sides));
   if (cage.creasing_method == CreasingMethod::chaikin)
     throw std::runtime_error("Embree has no Chaikin creases");
   const bool triangles = std::find(cage.face_vertex_counts.begin(), cage.face_vertex_counts.end(),
@@ -27,9 +27,12 @@ void refuse_what_embree_lacks(const ControlCage& cage) {
 
 RTCSubdivisionMode boundary_mode(InterpolateBoundary rule) {
   switch (rule) {
-    case InterpolateBoundary::none: return RTC_SUBDIVISION_MODE_NO_BOUNDARY;
-    case InterpolateBoundary::edge_only: return RTC_SUBDIVISION_MODE_SMOOTH_BOUNDARY;
-    default: return RTC_SUBDIVISION_MODE_PIN_CORNERS;
+    case InterpolateBoundary::none:
+      return RTC_SUBDIVISION_MODE_NO_BOUNDARY;
+    case InterpolateBoundary::edge_only:
+      return RTC_SUBDIVISION_MODE_SMOOTH_BOUNDARY;
+    default:
+      return RTC_SUBDIVISION_MODE_PIN_CORNERS;
   }
 }
 
@@ -57,8 +60,8 @@ void fill_features(RTCGeometry g, const ControlCage& cage) {
   if (!creases.empty()) {
     auto* index = new_buffer<unsigned>(g, RTC_BUFFER_TYPE_EDGE_CREASE_INDEX, RTC_FORMAT_UINT2,
                                        creases.size(), 2);
-    auto* weight = new_buffer<float>(g, RTC_BUFFER_TYPE_EDGE_CREASE_WEIGHT, RTC_FORMAT_FLOAT,
-                                     creases.size());
+    auto* weight =
+        new_buffer<float>(g, RTC_BUFFER_TYPE_EDGE_CREASE_WEIGHT, RTC_FORMAT_FLOAT, creases.size());
     for (std::size_t i = 0; i < creases.size(); ++i) {
       index[2 * i] = static_cast<unsigned>(creases[i].v0);
       index[2 * i + 1] = static_cast<unsigned>(creases[i].v1);
@@ -74,13 +77,13 @@ void fill_features(RTCGeometry g, const ControlCage& cage) {
 }
 
 void fill_scene(RTCDevice device, RTCScene scene, const ControlCage& cage, int rate) {
-  const EmbreeGeometry geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SUBDIVISION),
+  const GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_SUBDIVISION),
                                 rtcReleaseGeometry);
   RTCGeometry g = geometry.get();
   fill_buffer<unsigned>(g, RTC_BUFFER_TYPE_FACE, RTC_FORMAT_UINT, cage.face_vertex_counts);
   fill_buffer<unsigned>(g, RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT, cage.face_vertex_indices);
-  auto* points = new_buffer<float>(g, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3,
-                                   cage.points.size(), 3);
+  auto* points =
+      new_buffer<float>(g, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, cage.points.size(), 3);
   for (std::size_t i = 0; i < 3 * cage.points.size(); ++i)
     points[i] = static_cast<float>(cage.points[i / 3][static_cast<int>(i % 3)]);
   fill_features(g, cage);
@@ -98,10 +101,10 @@ TracerPlan plan_subdivision(const PeerInput& input, int rate) {
   return {"embree-subdivision-" + std::to_string(rate), input.cage.face_count() * grid * 40,
           [&input, rate]() -> std::unique_ptr<Tracer> {
             refuse_what_embree_lacks(input.cage);
-            return std::make_unique<EmbreeTracer>(
-                input.arena, input.robust, [&input, rate](RTCDevice device, RTCScene scene) {
-                  fill_scene(device, scene, input.cage, rate);
-                });
+            return std::make_unique<EmbreeTracer>(input.arena, input.robust,
+                                                  [&input, rate](RTCDevice device, RTCScene scene) {
+                                                    fill_scene(device, scene, input.cage, rate);
+                                                  });
           }};
 }
 

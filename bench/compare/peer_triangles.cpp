@@ -31,9 +31,11 @@ void write_triangles(unsigned first_vertex, int quads, unsigned* out) {
 
 void fill_scene(RTCDevice device, RTCScene scene, const PatchBuffer<double>& patches, int quads) {
   const std::size_t n = patches.size();
-  const std::size_t vertices = static_cast<std::size_t>(quads + 1) * static_cast<std::size_t>(quads + 1);
-  const std::size_t triangles = 2 * static_cast<std::size_t>(quads) * static_cast<std::size_t>(quads);
-  const EmbreeGeometry geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE),
+  const std::size_t vertices =
+      static_cast<std::size_t>(quads + 1) * static_cast<std::size_t>(quads + 1);
+  const std::size_t triangles =
+      2 * static_cast<std::size_t>(quads) * static_cast<std::size_t>(quads);
+  const GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE),
                                 rtcReleaseGeometry);
   RTCGeometry g = geometry.get();
   auto* points = static_cast<float*>(
@@ -42,7 +44,8 @@ void fill_scene(RTCDevice device, RTCScene scene, const PatchBuffer<double>& pat
       rtcSetNewGeometryBuffer(g, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 12, n * triangles));
   tbb::parallel_for(std::size_t{0}, n, [&](std::size_t patch) {
     write_vertices(patches, patch, quads, points + 3 * patch * vertices);
-    write_triangles(static_cast<unsigned>(patch * vertices), quads, indices + 3 * patch * triangles);
+    write_triangles(static_cast<unsigned>(patch * vertices), quads,
+                    indices + 3 * patch * triangles);
   });
   rtcCommitGeometry(g);
   rtcAttachGeometry(scene, g);
@@ -52,7 +55,8 @@ void fill_scene(RTCDevice device, RTCScene scene, const PatchBuffer<double>& pat
 
 TracerPlan plan_triangles(const PeerInput& input, int quads) {
   // About 150 bytes a triangle while Embree builds, buffers and tree together.
-  const std::size_t triangles = 2 * static_cast<std::size_t>(quads) * static_cast<std::size_t>(quads);
+  const std::size_t triangles =
+      2 * static_cast<std::size_t>(quads) * static_cast<std::size_t>(quads);
   return {"embree-triangles-" + std::to_string(quads), input.patches.size() * triangles * 150,
           [&input, quads]() -> std::unique_ptr<Tracer> {
             return std::make_unique<EmbreeTracer>(

@@ -1,4 +1,5 @@
-// The tracers that limitray is compared with, as plans: made one after the other while memory lasts.
+// The tracers that limitray is compared with, as plans: made one after the other while memory
+// lasts.
 #pragma once
 
 #include <tbb/task_arena.h>

@@ -17,8 +17,8 @@ OracleHits ask_oracle(const Scene& scene, const RaySet& rays);
 /// Longest side of the scene's bounds: the unit of all errors.
 double extent(const Scene& scene);
 
-/// About `count` rays (a whole picture) of a pinhole camera at azimuth 30, elevation 22 degrees, four
-/// half diagonals away; the picture's frame is the bounding rectangle of what is seen of the
+/// About `count` rays (a whole picture) of a pinhole camera at azimuth 30, elevation 22 degrees,
+/// four half diagonals away; the picture's frame is the bounding rectangle of what is seen of the
 /// object. One jittered sample a pixel, in scan order.
 RaySet primary_rays(const Scene& scene, std::size_t count);
 

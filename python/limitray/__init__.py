@@ -13,19 +13,29 @@ exact hits, or a picture is made by `render`::
 from limitray.camera import Camera, create_rays_pinhole
 from limitray.image import Image
 from limitray.info import mesh_info
-from limitray.mesh import FaceVarying, Mesh
+from limitray.material import Material
+from limitray.mesh import FaceVarying, Mesh, Primvar
 from limitray.render import RenderInterrupted, render
 from limitray.scene import INVALID_ID, Scene
+from limitray.texture import Texture
+from limitray.triangles import Triangles
+from limitray.usd import Stage, load_scene
 
 __all__ = [
     "INVALID_ID",
     "Camera",
     "FaceVarying",
     "Image",
+    "Material",
     "Mesh",
+    "Primvar",
     "RenderInterrupted",
     "Scene",
+    "Stage",
+    "Texture",
+    "Triangles",
     "create_rays_pinhole",
+    "load_scene",
     "mesh_info",
     "render",
 ]

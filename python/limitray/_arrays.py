@@ -57,7 +57,7 @@ def to_int32(name: str, array: NDArray[Any]) -> NDArray[np.int32]:
     limits = np.iinfo(np.int32)
     if array.min() < limits.min or array.max() > limits.max:
         raise ValueError(f"{name} must fit 32-bit integers; it holds {array.min()}..{array.max()}")
-    return np.ascontiguousarray(array, np.int32)
+    return array.astype(np.int32, order="C", copy=False)
 
 
 def finite_vector(name: str, values: ArrayLike) -> NDArray[np.float64]:

@@ -98,14 +98,12 @@ class ControlCage:
     @orientation.setter
     def orientation(self, arg: str, /) -> None: ...
 
-    def add_primvar(self, name: str, values: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], indices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
-        """
-        Adds a face-varying primvar: values (n, width), indices one a face corner.
-        """
+    def add_primvar(self, name: str, interpolation: str, values: Annotated[NDArray[numpy.float32], dict(shape=(None, None), order='C', device='cpu', writable=False)], indices: Annotated[NDArray[numpy.int32], dict(shape=(None,), order='C', device='cpu', writable=False)]) -> None:
+        """Adds a primvar: values (n, width), indices into its rows."""
 
-    def primvars(self) -> dict[str, tuple[Annotated[NDArray[numpy.float32], dict(writable=False)], Annotated[NDArray[numpy.int32], dict(writable=False)]]]:
+    def primvars(self) -> dict[str, tuple[str, Annotated[NDArray[numpy.float32], dict(writable=False)], Annotated[NDArray[numpy.int32], dict(writable=False)]]]:
         """
-        Face-varying primvars: name to (values (n, width) float32, indices int32).
+        Primvars: name to (interpolation, values (n, width) float32, indices int32).
         """
 
 def validate(cage: ControlCage) -> list[str]:

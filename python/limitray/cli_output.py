@@ -12,7 +12,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from limitray.scene import Scene
 
@@ -117,10 +116,9 @@ def print_info(model: Path, facts: dict[str, Any]) -> None:
 
 
 def _print_table(rows: dict[str, str]) -> None:
-    table = Table.grid(padding=(0, 2))
+    width = max(map(len, rows))
     for name, value in rows.items():
-        table.add_row(name, value)
-    Console(highlight=False, markup=False, soft_wrap=True).print(table)
+        print(f"{name:<{width}}  {value}")
 
 
 def _text(value: Any) -> str:

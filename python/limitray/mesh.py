@@ -6,13 +6,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from limitray import _core
 from limitray._arrays import index_array, real_array, to_array, to_int32
+
+if TYPE_CHECKING:
+    from limitray.triangles import Triangles
 
 InterpolateBoundary = Literal["none", "edgeOnly", "edgeAndCorner"]
 FaceVaryingLinearInterpolation = Literal[
@@ -21,6 +24,8 @@ FaceVaryingLinearInterpolation = Literal[
 TriangleSubdivisionRule = Literal["catmullClark", "smooth"]
 CreasingMethod = Literal["uniform", "chaikin"]
 Orientation = Literal["rightHanded", "leftHanded"]
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+Interpolation = Literal["constant", "uniform", "varying", "vertex", "faceVarying"]
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,26 @@ class FaceVarying:
     """
 
     values: ArrayLike
+    indices: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
+class Primvar:
+    """Values over the surface that spread in any of USD's ways.
+
+    Parameters
+    ----------
+    values : array (n, width) or (n,)
+        The values, stored as float32.
+    interpolation : {"constant", "uniform", "varying", "vertex", "faceVarying"}
+        One value for all, one a face, one a control point (spread linearly or like the points), or
+        one a face corner.
+    indices : array of int, optional
+        Rows of `values`, one for each place. Without it `values` holds one row for each place.
+    """
+
+    values: ArrayLike
+    interpolation: Interpolation
     indices: ArrayLike | None = None
 
 
@@ -69,8 +94,8 @@ class Mesh:
         Which winding faces outward: counter-clockwise, or clockwise.
     creasing_method : {"uniform", "chaikin"}
         How semi-sharp creases decay.
-    primvars : mapping of str to FaceVarying
-        Face-varying values such as texture coordinates.
+    primvars : mapping of str to FaceVarying or Primvar
+        Values over the surface such as texture coordinates.
 
     Raises
     ------
@@ -102,7 +127,7 @@ class Mesh:
         hole_indices: ArrayLike = (),
         orientation: Orientation = "rightHanded",
         creasing_method: CreasingMethod = "uniform",
-        primvars: Mapping[str, FaceVarying] | None = None,
+        primvars: Mapping[str, FaceVarying | Primvar] | None = None,
     ) -> None:
         cage = _core.ControlCage()
         cage.points = real_array("points", points, (None, 3))
@@ -130,14 +155,15 @@ class Mesh:
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str], prim: str | None = None) -> Mesh:
-        """Reads a cage from a Wavefront OBJ file with OpenSubdiv's `t` tags.
+        """Reads a cage from a Wavefront OBJ file with OpenSubdiv's `t` tags, or from a USD file.
 
         Parameters
         ----------
         path : path
-            The file, ending in .obj.
+            The file: .obj, or .usd, .usda, .usdc, .usdz (needs the extra limitray[usd]).
         prim : str, optional
-            The mesh to take from a USD file.
+            Path of the mesh in a USD file; may be left out if it has only one. Its transform is
+            not applied: see `load_scene`.
 
         Raises
         ------
@@ -148,13 +174,14 @@ class Mesh:
         """
         path = Path(path)
         suffix = path.suffix.lower()
-        if suffix in (".usd", ".usda", ".usdc", ".usdz"):
-            raise ValueError(
-                f"{path}: USD files need the extra limitray[usd], which this version does not "
-                "have yet; convert the mesh to OBJ"
-            )
+        if suffix in USD_SUFFIXES:
+            from limitray.usd import mesh_from_usd
+
+            return mesh_from_usd(path, prim)
         if suffix != ".obj":
-            raise ValueError(f'{path}: unknown mesh format "{suffix}"; .obj can be read')
+            raise ValueError(
+                f'{path}: unknown mesh format "{suffix}"; .obj and {", ".join(USD_SUFFIXES)} work'
+            )
         if prim is not None:
             raise ValueError(f"prim must be None for an OBJ file, not {prim!r}")
         with path.open("rb"):
@@ -209,14 +236,24 @@ class Mesh:
         return self._cage.creasing_method
 
     @property
+    def face_varying_linear_interpolation(self) -> str:
+        """Where face-varying primvars are linear."""
+        return self._cage.face_varying_linear_interpolation
+
+    @property
     def triangle_subdivision_rule(self) -> str:
         """Weights of triangles."""
         return self._cage.triangle_subdivision_rule
 
     @property
-    def primvars(self) -> dict[str, FaceVarying]:
-        """Face-varying primvars by name."""
-        return {name: FaceVarying(*arrays) for name, arrays in self._cage.primvars().items()}
+    def primvars(self) -> dict[str, FaceVarying | Primvar]:
+        """Primvars by name; FaceVarying where they have a value at each face corner."""
+        return {
+            name: FaceVarying(values, indices)
+            if interpolation == "faceVarying"
+            else Primvar(values, cast(Interpolation, interpolation), indices)
+            for name, (interpolation, values, indices) in self._cage.primvars().items()
+        }
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -270,6 +307,15 @@ class Mesh:
         names = ("points", "normals", "dp_du", "dp_dv")
         return {name: array.reshape(*shape, 3) for name, array in zip(names, arrays, strict=True)}
 
+    def to_triangles(self, rate: int) -> Triangles:
+        """Triangles of the limit surface, `rate` along each edge of the cage.
+
+        See `limitray.triangles.to_triangles`: points are exact, and there are no cracks.
+        """
+        from limitray.triangles import to_triangles
+
+        return to_triangles(self, rate)
+
     def __repr__(self) -> str:
         return f"Mesh({len(self.points)} points, {len(self.face_vertex_counts)} faces)"
 
@@ -278,16 +324,19 @@ def _sharpnesses(name: str, values: ArrayLike) -> Any:
     return real_array(name, values, (None,), np.float32)
 
 
-def _add_primvar(cage: _core.ControlCage, name: str, primvar: FaceVarying) -> None:
+def _add_primvar(cage: _core.ControlCage, name: str, primvar: FaceVarying | Primvar) -> None:
     argument = f'primvars["{name}"]'
-    if not isinstance(primvar, FaceVarying):
-        raise ValueError(f"{argument} must be a FaceVarying, not {type(primvar).__name__}")
+    if not isinstance(primvar, FaceVarying | Primvar):
+        raise ValueError(
+            f"{argument} must be a FaceVarying or Primvar, not {type(primvar).__name__}"
+        )
     values = to_array(f"{argument}.values", primvar.values)
     if values.ndim == 1:
         values = values[:, np.newaxis]
     indices = np.arange(len(values)) if primvar.indices is None else primvar.indices
     cage.add_primvar(
         name,
+        primvar.interpolation if isinstance(primvar, Primvar) else "faceVarying",
         real_array(f"{argument}.values", values, (None, None), np.float32),
         index_array(f"{argument}.indices", indices),
     )

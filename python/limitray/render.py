@@ -14,14 +14,14 @@ from limitray.camera import Camera
 from limitray.image import Image
 from limitray.sampling import Sampler
 from limitray.scene import Scene
-from limitray.shading import INTEGRATORS, Hits, sample_dimensions, shade
+from limitray.shading import INTEGRATORS, Hits, hit_attributes, sample_dimensions, shade
 
 AOVS = ("depth", "normal", "position", "face", "patch")
 TILE_PIXELS = 1 << 16
 """Pixels traced at once. Random numbers depend on it, so it is no setting."""
 
-BACKGROUND_TOP = np.array([0.80, 0.81, 0.83])
-BACKGROUND_BOTTOM = np.array([0.56, 0.56, 0.57])
+BACKGROUND_TOP = np.array([0.66, 0.67, 0.69])
+BACKGROUND_BOTTOM = np.array([0.86, 0.86, 0.855])
 
 ProgressCallback = Callable[[int, int], None]
 
@@ -44,6 +44,7 @@ class _Frame:
     height: int
     integrator: str
     seed: int
+    spp: int
 
     def tiles(self) -> list[NDArray[np.intp]]:
         pixels = np.arange(self.width * self.height)
@@ -52,6 +53,12 @@ class _Frame:
     def rays(self, pixels: NDArray[np.intp], offset: NDArray[np.float64]) -> NDArray[np.float64]:
         x, y = pixels % self.width + offset[:, 0], pixels // self.width + offset[:, 1]
         return self.camera.rays(x, y, self.width, self.height)
+
+    def spread(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Differences (3,) of ray directions between neighbouring samples in x and y."""
+        corner = self.rays(np.array([0, 1, self.width]), np.zeros((3, 2)))[:, 3:]
+        step = np.sqrt(self.spp)
+        return (corner[1] - corner[0]) / step, (corner[2] - corner[0]) / step
 
 
 def render(
@@ -104,7 +111,7 @@ def render(
     for name in aovs:
         one_of("aovs", name, AOVS)
     camera = camera or Camera.frame(scene, width / height)
-    frame = _Frame(scene, camera, width, height, integrator, seed)
+    frame = _Frame(scene, camera, width, height, integrator, seed, spp)
 
     sums, hit_counts, counts = (np.zeros((width * height, k)) for k in (3, 1, 1))
     layers: dict[str, NDArray[Any]] = {}
@@ -130,9 +137,9 @@ def _sample(
     sampler = Sampler(frame.seed, number, len(pixels), sample_dimensions(frame.integrator))
     samples = sampler.draw(index)
     rays = frame.rays(pixels, samples[:, :2])
-    cast = frame.scene.cast_rays(rays.astype(np.float32), attributes=("points", "t_error"))
+    cast = frame.scene.cast_rays(rays.astype(np.float32), attributes=hit_attributes(frame.scene))
     found = np.isfinite(cast["t_hit"])
-    hits = Hits.from_cast(rays, cast)
+    hits = Hits.from_cast(frame.scene, rays, cast, frame.spread())
     colours = np.zeros((len(pixels), 3))
     colours[found] = shade(frame.integrator, frame.scene, frame.camera, hits, samples[found, 2:])
     return colours, found

@@ -30,9 +30,10 @@ class Sampler:
         ratio = _generalised_golden_ratio(dimensions)
         self._steps = ratio ** -np.arange(1.0, dimensions + 1)
 
-    def draw(self, index: int, pixels: NDArray[np.intp] | slice = slice(None)) -> Array:
-        """Sample `index` of the chosen pixels: (n, dimensions) in [0, 1)."""
-        return (self._offsets[pixels] + index * self._steps) % 1.0
+    def draw(self, index: int) -> Array:
+        """Sample `index` of all pixels: (pixels, dimensions) in [0, 1)."""
+        values: Array = self._offsets + index * self._steps
+        return np.asarray(values - np.floor(values))
 
 
 def _generalised_golden_ratio(dimensions: int) -> float:

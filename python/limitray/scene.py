@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from limitray import _core
 from limitray._arrays import (
     FloatArray,
+    index_array,
     one_of,
     positive_int,
     real_array,
     to_array,
     transform_matrix,
 )
+from limitray.material import Material, MaterialSet
 from limitray.mesh import Mesh
+
+if TYPE_CHECKING:
+    from limitray.usd import Stage
 
 INVALID_ID = 0xFFFFFFFF
 """Id reported for a miss."""
@@ -31,6 +36,8 @@ HIT_KEYS = (
     "primitive_normals",
 )
 ATTRIBUTES = ("points", "dp_du", "dp_dv", "t_error", "patch_ids", "sub_quads")
+PRIMVAR_PREFIX = "primvars:"
+PRIMVAR_PLACES = ("geometry_ids", "primitive_ids", "sub_quads", "primitive_uvs")
 
 Progress = Callable[[int], None]
 
@@ -64,6 +71,10 @@ class Scene:
             raise ValueError('device "gpu" is not available in this version; available: "cpu"')
         one_of("device", device, ("cpu",))
         self._scene = _core.Scene(positive_int("threads", threads, minimum=0))
+        self._material_sets: list[MaterialSet] = [MaterialSet()]
+        self._material_set_of: list[int] = []
+        self.stage: Stage | None = None
+        """What the USD stage says that the scene was loaded from."""
 
     def add_mesh(
         self,
@@ -93,15 +104,107 @@ class Scene:
         level = DEFAULT_ISOLATION_LEVEL if isolation_level is None else isolation_level
         if positive_int("isolation_level", level) > 10:
             raise ValueError(f"isolation_level must be 1 to 10, not {level}")
-        return self._scene.add_mesh(mesh._cage, int(level), transform_matrix(transform))
+        added = self._scene.add_mesh(mesh._cage, int(level), transform_matrix(transform))
+        self._material_set_of.append(0)
+        return added
 
     def add_instance(self, geometry_id: int, transform: ArrayLike) -> int:
         """Adds geometry `geometry_id` again under another transform; returns a new geometry id.
 
         `transform` is a (4, 4) affine matrix that acts on column vectors and replaces the one of
-        the geometry. Costs no patches.
+        the geometry. Costs no patches. The instance has the materials of the geometry.
         """
-        return self._scene.add_instance(self._known(geometry_id), transform_matrix(transform))
+        source = self._known(geometry_id)
+        added = self._scene.add_instance(source, transform_matrix(transform))
+        self._material_set_of.append(self._material_set_of[source])
+        return added
+
+    def set_material(
+        self,
+        geometry_id: int,
+        material: Material | Sequence[Material],
+        faces: ArrayLike | None = None,
+    ) -> None:
+        """Gives a mesh or instance its material, or several.
+
+        Parameters
+        ----------
+        geometry_id : int
+            As returned by add_mesh or add_instance. Instances made before keep what they have.
+        material : Material, or sequence of them
+            The materials.
+        faces : array of int, optional
+            One index into `material` for each base face.
+
+        Raises
+        ------
+        ValueError
+            The id is unknown, or an index out of range.
+        """
+        target = self._known(geometry_id)
+        materials = (material,) if isinstance(material, Material) else tuple(material)
+        indices = None if faces is None else index_array("faces", faces).astype(np.intp)
+        if not materials:
+            raise ValueError("material must not be empty")
+        if indices is not None and not ((indices >= 0) & (indices < len(materials))).all():
+            raise ValueError(f"faces must be indices into the {len(materials)} materials")
+        self._material_set_of[target] = len(self._material_sets)
+        self._material_sets.append(MaterialSet(materials, indices))
+
+    def material_sets(self, geometry_ids: ArrayLike) -> list[tuple[MaterialSet, NDArray[np.intp]]]:
+        """The materials of geometry ids (n,): each set that occurs, and the rows that have it."""
+        sets = np.array(self._material_set_of, np.intp)[np.asarray(geometry_ids, np.intp)]
+        return [(self._material_sets[k], np.flatnonzero(sets == k)) for k in np.unique(sets)]
+
+    @property
+    def has_materials(self) -> bool:
+        """Whether any mesh has been given a material."""
+        return len(self._material_sets) > 1
+
+    def primvar_width(self, name: str) -> int:
+        """Components of a primvar; 0 if no mesh has it.
+
+        Raises ValueError if two meshes have it with different widths.
+        """
+        return self._scene.primvar_width(name)
+
+    def evaluate_primvar(
+        self,
+        name: str,
+        geometry_ids: ArrayLike,
+        primitive_ids: ArrayLike,
+        sub_quads: ArrayLike,
+        primitive_uvs: ArrayLike,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """A primvar at places of the surfaces, as `cast_rays` names them.
+
+        Parameters
+        ----------
+        name : str
+            Its name, without "primvars:".
+        geometry_ids, primitive_ids, sub_quads : arrays (n,) of int
+            Geometry, base face, and corner of a face that is no quad. INVALID_ID: nowhere.
+        primitive_uvs : array (n, 2)
+            Parameters in [0, 1]^2.
+
+        Returns
+        -------
+        three arrays (n, width) of float64
+            Values and derivatives by u and v: 0 nowhere, NaN where the mesh lacks the primvar.
+
+        Raises
+        ------
+        ValueError
+            No mesh has the primvar, or a place is out of range.
+        """
+        ids = [
+            np.ascontiguousarray(to_array(key, values).astype(np.uint32))
+            for key, values in zip(PRIMVAR_PLACES, (geometry_ids, primitive_ids, sub_quads))
+        ]
+        uvs = real_array("primitive_uvs", primitive_uvs, (None, 2))
+        if self.primvar_width(name) == 0:
+            raise ValueError(f'primvar "{name}": no mesh has it')
+        return self._scene.evaluate_primvar(name, *ids, uvs)
 
     def update_points(self, geometry_id: int, points: ArrayLike) -> None:
         """Moves the control points (n, 3) of a mesh; their number and the topology stay."""
@@ -127,7 +230,7 @@ class Scene:
             Hits have tnear < t <= tfar. Both at least 0, not NaN.
         attributes : sequence of str
             What is wanted besides: "points", "dp_du", "dp_dv", "t_error", "patch_ids",
-            "sub_quads".
+            "sub_quads", and primvars such as "primvars:st".
         progress : callable, optional
             Called about 20 times a second with the number of rays done.
 
@@ -145,6 +248,8 @@ class Scene:
             - "t_error" (...): bound on the distance of "t_hit" from the surface.
             - "patch_ids" (...) uint32: patch of the geometry.
             - "sub_quads" (...) uint32: corner of a face that is no quad; 0 for quads.
+            - "primvars:st" (..., width): the primvar "st"; "primvars:st:du" and "primvars:st:dv":
+              its derivatives by u and v. NaN where the mesh hit has no such primvar.
 
             For a miss ids are INVALID_ID (0xFFFFFFFF) and all else is 0.
 
@@ -155,13 +260,26 @@ class Scene:
         """
         if isinstance(attributes, str):
             raise ValueError(f'attributes must be a sequence of names, such as ("{attributes}",)')
-        for name in attributes:
+        primvars = [name for name in attributes if name.startswith(PRIMVAR_PREFIX)]
+        plain = [name for name in attributes if not name.startswith(PRIMVAR_PREFIX)]
+        for name in plain:
             one_of("attributes", name, HIT_KEYS + ATTRIBUTES)
-        names = list(dict.fromkeys((*HIT_KEYS, *attributes)))
+        for name in primvars:
+            if self.primvar_width(name.removeprefix(PRIMVAR_PREFIX)) == 0:
+                raise ValueError(f'attributes: no mesh has the primvar of "{name}"')
+        names = list(dict.fromkeys((*HIT_KEYS, *plain)))
         flat, shape = _flat_rays(rays)
         limits = _limits(tnear, tfar, shape, flat.dtype)
-        hits = self._scene.cast_rays(flat, *limits, names, progress)
-        return {name: hits[name].reshape(shape + hits[name].shape[1:]) for name in names}
+        wanted = [*names, "sub_quads"] if primvars and "sub_quads" not in names else names
+        cast = self._scene.cast_rays(flat, *limits, wanted, progress)
+        hits = {name: cast[name] for name in names}
+        for name in primvars:
+            values = self.evaluate_primvar(
+                name.removeprefix(PRIMVAR_PREFIX), *(cast[key] for key in PRIMVAR_PLACES)
+            )
+            for suffix, array in zip(("", ":du", ":dv"), values):
+                hits[name + suffix] = array.astype(flat.dtype, copy=False)
+        return {name: array.reshape(shape + array.shape[1:]) for name, array in hits.items()}
 
     def test_occlusions(
         self,

@@ -39,6 +39,11 @@ struct Tokens<CreasingMethod> {
   static constexpr std::array<std::string_view, 2> names{"uniform", "chaikin"};
 };
 template <>
+struct Tokens<Interpolation> {
+  static constexpr std::array<std::string_view, 5> names{"constant", "uniform", "varying", "vertex",
+                                                         "faceVarying"};
+};
+template <>
 struct Tokens<Orientation> {
   static constexpr std::array<std::string_view, 2> names{"rightHanded", "leftHanded"};
 };
@@ -55,14 +60,17 @@ Enum from_token(const std::string& text, const char* argument) {
                               text + "\"");
 }
 
+template <class Enum>
+std::string to_token(Enum value) {
+  return std::string(Tokens<Enum>::names[static_cast<std::size_t>(value)]);
+}
+
 /// Property of type Enum, read and written as its token.
 template <class Enum>
 void bind_token(nb::class_<ControlCage>& cage, const char* name, Enum ControlCage::*member) {
   cage.def_prop_rw(
       name,
-      [member](const ControlCage& self) {
-        return std::string(Tokens<Enum>::names[static_cast<std::size_t>(self.*member)]);
-      },
+      [member](const ControlCage& self) { return to_token(self.*member); },
       [member, name](ControlCage& self, const std::string& text) {
         self.*member = from_token<Enum>(text, name);
       });
@@ -98,31 +106,34 @@ void bind_points(nb::class_<ControlCage>& cage) {
 void bind_primvars(nb::class_<ControlCage>& cage) {
   cage.def(
       "add_primvar",
-      [](ControlCage& self, std::string name, Input<float, -1, -1> values,
-         Input<std::int32_t, -1> indices) {
+      [](ControlCage& self, std::string name, const std::string& interpolation,
+         Input<float, -1, -1> values, Input<std::int32_t, -1> indices) {
+        const std::string argument = "primvars[\"" + name + "\"].interpolation";
         self.primvars.push_back({std::move(name),
+                                 from_token<Interpolation>(interpolation, argument.c_str()),
                                  static_cast<int>(values.shape(1)),
                                  {values.data(), values.data() + values.size()},
                                  {indices.data(), indices.data() + indices.size()}});
       },
-      "name"_a, "values"_a.noconvert(), "indices"_a.noconvert(),
-      "Adds a face-varying primvar: values (n, width), indices one a face corner.");
+      "name"_a, "interpolation"_a, "values"_a.noconvert(), "indices"_a.noconvert(),
+      "Adds a primvar: values (n, width), indices into its rows.");
   cage.def(
       "primvars",
       [](nb::handle_t<ControlCage> self) {
         nb::typed<nb::dict, nb::str,
-                  nb::typed<nb::tuple, Output<const float>, Output<const std::int32_t>>>
+                  nb::typed<nb::tuple, nb::str, Output<const float>, Output<const std::int32_t>>>
             result;
-        for (const FaceVarying& primvar : nb::cast<const ControlCage&>(self).primvars) {
+        for (const Primvar& primvar : nb::cast<const ControlCage&>(self).primvars) {
           const auto width = static_cast<std::size_t>(primvar.width);
           result[primvar.name.c_str()] = nb::make_tuple(
+              to_token(primvar.interpolation),
               Output<const float>(primvar.values.data(), {primvar.values.size() / width, width},
                                   self),
               Output<const std::int32_t>(primvar.indices.data(), {primvar.indices.size()}, self));
         }
         return result;
       },
-      "Face-varying primvars: name to (values (n, width) float32, indices int32).");
+      "Primvars: name to (interpolation, values (n, width) float32, indices int32).");
 }
 
 nb::typed<nb::tuple, Output<std::int32_t>, Output<float>> crease_edge_arrays(

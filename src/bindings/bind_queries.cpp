@@ -125,6 +125,24 @@ HitDictionary list_intersections(const Scene& self, Input<double, -1, 6> rays,
   return result;
 }
 
+nb::typed<nb::tuple, Output<double>, Output<double>, Output<double>> evaluate_primvar(
+    const Scene& self, const std::string& name, Input<std::uint32_t, -1> geometry_ids,
+    Input<std::uint32_t, -1> faces, Input<std::uint32_t, -1> sub_quads, Input<double, -1, 2> uv) {
+  const std::size_t n = geometry_ids.size();
+  const auto width = static_cast<std::size_t>(self.primvar_width(name));
+  const SurfacePlaces at{{geometry_ids.data(), n},
+                         {faces.data(), faces.size()},
+                         {sub_quads.data(), sub_quads.size()},
+                         {uv.data(), uv.size()}};
+  auto values = uninitialised<double>(n * width);
+  auto d_du = uninitialised<double>(n * width), d_dv = uninitialised<double>(n * width);
+  run_interruptibly([&](Progress& progress) {
+    self.evaluate_primvar(name, at, values.get(), d_du.get(), d_dv.get(), &progress);
+  });
+  return nb::make_tuple(own(std::move(values), {n, width}), own(std::move(d_du), {n, width}),
+                        own(std::move(d_dv), {n, width}));
+}
+
 template <class T>
 void bind_typed_queries(nb::class_<Scene>& scene) {
   scene
@@ -141,7 +159,11 @@ void bind_typed_queries(nb::class_<Scene>& scene) {
 void bind_queries(nb::class_<Scene>& scene) {
   bind_typed_queries<float>(scene);
   bind_typed_queries<double>(scene);
-  scene
+  scene.def("primvar_width", &Scene::primvar_width, "name"_a, "Components; 0 if no mesh has it.")
+      .def("evaluate_primvar", &evaluate_primvar, "name"_a, "geometry_ids"_a.noconvert(),
+           "faces"_a.noconvert(), "sub_quads"_a.noconvert(), "uv"_a.noconvert(),
+           "A primvar and its derivatives by u and v, each (n, width) float64, at ids (n,) uint32 "
+           "and uv (n, 2) float64.")
       .def("count_intersections", &count_intersections, "rays"_a.noconvert(), "tnear"_a.noconvert(),
            "tfar"_a.noconvert(), "progress"_a = nb::none(),
            "Number of intersections along each of rays (n, 6).")

@@ -1,4 +1,4 @@
-// Stage: bindings. Queries of Scene, in a file of their own.
+// Stage: bindings. Methods of Scene that have files of their own: bind_queries.cpp, bind_gpu.cpp.
 #pragma once
 
 #include "bind.h"
@@ -7,5 +7,6 @@
 namespace limitray::bindings {
 
 void bind_queries(nb::class_<Scene>& scene);
+void bind_gpu(nb::class_<Scene>& scene);
 
 }  // namespace limitray::bindings

@@ -75,6 +75,7 @@ void bind_scene(nb::module_& module) {
           .def("reset_statistics", &Scene::reset_statistics)
           .def("set_newton", &Scene::set_newton, "on"_a);
   bind_queries(scene);
+  bind_gpu(scene);
   module.def("isa", &Scene::isa, "Instruction set in use.");
 }
 

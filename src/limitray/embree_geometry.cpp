@@ -44,11 +44,24 @@ float add_outward(double a, float b, bool up) {
   return std::nextafter(static_cast<float>(a + double(b)), up ? infinity : -infinity);
 }
 
+/// The boxes of all patches together, as the kernels clip rays to.
+Extent extent_of(const PatchBuffer<float>& p) {
+  Box all;
+  for (std::size_t i = 0; i < p.size(); ++i)
+    all.add(kernels().patch_bounds(p.nets[i], bump_of(p, i), box_padding(p.radius)));
+  Extent e{p.origin, {}, p.radius};
+  for (int i = 0; i < 3 && p.size() > 0; ++i) {
+    e.half[i] = std::max(double(-all.lo[i]), double(all.hi[i])) + 1e-7 * p.radius;
+    e.radius = std::max(e.radius, e.half[i]);
+  }
+  return e;
+}
+
 void bounds(const RTCBoundsFunctionArguments* a) {
   const EmbreeSurface& s = surface_of(a->geometryUserPtr);
-  const Box box = kernels().patch_bounds(s.patches.nets[a->primID], bump_of(s.patches, a->primID),
-                                         s.padding);
-  const Vec3d& o = s.view.origin;
+  const Box box =
+      kernels().patch_bounds(s.patches.nets[a->primID], bump_of(s.patches, a->primID), s.padding);
+  const Vec3d& o = s.patches.origin;
   RTCBounds& out = *a->bounds_o;
   out.lower_x = add_outward(o.x, box.lo[0], false), out.upper_x = add_outward(o.x, box.hi[0], true);
   out.lower_y = add_outward(o.y, box.lo[1], false), out.upper_y = add_outward(o.y, box.hi[1], true);
@@ -115,13 +128,13 @@ EmbreeGeometry::EmbreeGeometry(const ControlCage& cage, int isolation_level)
   s.view.bumps = s.patches.bumps.data();
   s.view.infos = s.patches.infos.data();
   s.view.models = s.patches.models.data();
-  s.view.origin = s.patches.origin;
-  s.view.radius = s.patches.radius;
   s.view.left_handed = cage.orientation == Orientation::left_handed;
   for (std::int32_t sides : cage.face_vertex_counts) s.is_quad.push_back(sides == 4);
+  s.view.extent = extent_of(s.patches);
   // Embree's boxes are not relative to the surface's centre.
   const Vec3d& o = s.patches.origin;
-  s.padding = box_padding(s.patches.radius + std::max({std::abs(o.x), std::abs(o.y), std::abs(o.z)}));
+  s.padding =
+      box_padding(s.patches.radius + std::max({std::abs(o.x), std::abs(o.y), std::abs(o.z)}));
 }
 EmbreeGeometry::~EmbreeGeometry() = default;
 EmbreeGeometry::EmbreeGeometry(EmbreeGeometry&&) noexcept = default;

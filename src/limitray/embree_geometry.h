@@ -7,8 +7,8 @@
 //   rtcCommitScene(scene);
 //   ... rtcIntersect1(scene, ...), rtcOccluded4, packets, instances: as with any geometry
 //
-// Embree's boxes are as good as ours only in a robust scene; without the flag rays that pass exactly
-// between two boxes may be lost.
+// Embree's boxes are as good as ours only in a robust scene; without the flag rays that pass
+// exactly between two boxes may be lost.
 #pragma once
 
 #include <cstddef>
@@ -33,8 +33,8 @@ class EmbreeGeometry {
   EmbreeGeometry(EmbreeGeometry&&) noexcept;
   EmbreeGeometry& operator=(EmbreeGeometry&&) noexcept;
 
-  /// Attaches the surface to `scene` of `device`, which must be committed afterwards, and returns its
-  /// geometry id there. This object must outlive the scene's use of the geometry. Throws
+  /// Attaches the surface to `scene` of `device`, which must be committed afterwards, and returns
+  /// its geometry id there. This object must outlive the scene's use of the geometry. Throws
   /// std::runtime_error if Embree refuses.
   ///
   /// A hit fills RTCRay::tfar and RTCHit: `Ng` is the unit normal of the limit surface on the side

@@ -11,98 +11,13 @@
 #include <stdexcept>
 #include <string>
 
-#include "limitray/bvh/bounds.h"
-#include "limitray/intersect/kernels.h"
-#include "limitray/patches/refine.h"
+#include "limitray/geometry.h"
 
 namespace limitray {
 namespace {
 
-template <class T>
-const PatchBump<T>* bump_of(const PatchBuffer<T>& p, std::size_t i) {
-  const std::uint32_t b = p.infos[i].bump;
-  return b == no_bump ? nullptr : &p.bumps[b];
-}
-
-/// Calls f(i) for i below n, in parallel.
-template <class F>
-void for_each_index(std::size_t n, const F& f) {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 256), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
-  });
-}
-
-/// `patches` rounded, in the order of the tree's leaves, with their models.
-template <class T>
-PatchBuffer<T> patches_to_trace(const PatchBuffer<double>& patches,
-                                std::span<const std::uint32_t> order) {
-  PatchBuffer<T> p = round_patches<T>(patches, order);
-  p.models.resize(p.size());
-  for_each_index(p.size(), [&](std::size_t i) {
-    if constexpr (std::is_same_v<T, float>)
-      p.models[i] = kernels().patch_model_f(p.nets[i], bump_of(p, i));
-    else
-      p.models[i] = kernels().patch_model_d(p.nets[i], bump_of(p, i));
-  });
-  return p;
-}
-
-/// One mesh: its cage, its patches in the order of the tree's leaves, its tree.
-struct Geometry {
-  ControlCage cage;
-  Refiner refiner;
-  PatchBuffer<float> patches;
-  Bvh bvh;
-  double build_seconds = 0;
-
-  // The double path's patches, made when first asked for.
-  mutable std::mutex mutex;
-  mutable PatchBuffer<double> patches_double;
-
-  Geometry(ControlCage c, const RefineOptions& options)
-      : cage(std::move(c)), refiner(cage, options) {}
-
-  const PatchBuffer<double>& in_double() const {
-    const std::lock_guard lock(mutex);
-    if (patches_double.size() != patches.size())
-      patches_double = patches_to_trace<double>(refiner.make_patches(cage.points), bvh.order);
-    return patches_double;
-  }
-};
-
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-/// The extent of a tree and of the control values of its patches.
-Extent extent_of(const Box& bounds, const Vec3d& center, double radius) {
-  Extent e{center, {}, radius};
-  for (int i = 0; i < 3; ++i) {
-    e.half[i] = std::max(double(-bounds.lo[i]), double(bounds.hi[i])) + 1e-7 * radius;
-    e.radius = std::max(e.radius, e.half[i]);
-  }
-  return e;
-}
-
-template <class T>
-GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
-  return {p.nets.data(),
-          p.bumps.data(),
-          p.infos.data(),
-          p.models.data(),
-          g.bvh.order.data(),
-          g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
-          extent_of(g.bvh.bounds, p.origin, g.patches.radius),
-          g.cage.orientation == Orientation::left_handed};
-}
-
-std::vector<Box> boxes_of(const PatchBuffer<float>& p) {
-  std::vector<Box> boxes(p.size());
-  const float padding = box_padding(p.radius);
-  for_each_index(p.size(), [&](std::size_t i) {
-    boxes[i] = kernels().patch_bounds(p.nets[i], bump_of(p, i), padding);
-  });
-  return boxes;
 }
 
 void check_points(std::span<const Vec3d> points, std::size_t expected) {
@@ -191,10 +106,13 @@ struct Scene::State {
   std::vector<InstanceView> instances;
   bool use_newton = true;
 
-  // Tree over the instances; boxes are relative to `origin`.
+  // Tree over the instances; boxes are relative to `origin`. Made when rays come, so that adding
+  // many instances takes linear time.
   Bvh top;
   Vec3d origin{};
   double radius = 0;
+  bool top_is_stale = false;
+  std::mutex top_mutex;
 
   mutable std::mutex statistics_mutex;
   mutable Statistics statistics;
@@ -220,7 +138,14 @@ struct Scene::State {
     return b;
   }
 
-  /// Rebuilds the tree over the instances.
+  /// Rebuilds the tree over the instances if one of them changed.
+  void update_top() {
+    const std::lock_guard lock(top_mutex);
+    if (!top_is_stale) return;
+    build_top();
+    top_is_stale = false;
+  }
+
   void build_top() {
     const std::array<Vec3d, 2> all = bounds();
     top = Bvh{};
@@ -278,6 +203,7 @@ struct Scene::State {
   template <class T, class Body>
   void parallel(std::size_t n, Progress* progress, const Body& body) {
     arena.execute([&] {
+      update_top();
       const std::vector<GeometryView<T>> views = geometry_views<T>();
       const SceneView<T> view{views,
                               instances,
@@ -342,14 +268,14 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
   });
   state_->instances.push_back({std::uint32_t(state_->geometries.size() - 1),
                                is_identity(options.transform), to_object, options.transform});
-  state_->build_top();
+  state_->top_is_stale = true;
   return std::uint32_t(state_->instances.size() - 1);
 }
 
 std::uint32_t Scene::add_instance(std::uint32_t geometry_id, const Affine& transform) {
   const std::uint32_t geometry = state_->instance(geometry_id).geometry;
   state_->instances.push_back({geometry, is_identity(transform), inverse(transform), transform});
-  state_->build_top();
+  state_->top_is_stale = true;
   return std::uint32_t(state_->instances.size() - 1);
 }
 
@@ -362,7 +288,7 @@ void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> poin
     g.patches_double = PatchBuffer<double>{};
     refit_bvh(g.bvh, boxes_of(g.patches));
   });
-  state_->build_top();
+  state_->top_is_stale = true;
 }
 
 template <>
@@ -438,6 +364,53 @@ IntersectionList Scene::list_intersections(const RayBatch<double>& rays,
   return list;
 }
 
+int Scene::primvar_width(const std::string& name) const {
+  int width = 0;
+  for (const auto& g : state_->geometries) {
+    const Primvar* primvar = g->find_primvar(name);
+    if (!primvar) continue;
+    if (width != 0 && width != primvar->width)
+      throw std::invalid_argument("primvar \"" + name + "\": has " + std::to_string(width) +
+                                  " components in one mesh and " +
+                                  std::to_string(primvar->width) + " in another");
+    width = primvar->width;
+  }
+  return width;
+}
+
+void Scene::evaluate_primvar(const std::string& name, const SurfacePlaces& at, double* values,
+                             double* d_du, double* d_dv, Progress* progress) const {
+  const std::size_t n = at.geometry_ids.size();
+  if (at.faces.size() != n || at.sub_quads.size() != n || at.uv.size() != 2 * n)
+    throw std::invalid_argument("faces, sub_quads and uv: must have one row a geometry id");
+  const auto width = static_cast<std::size_t>(primvar_width(name));
+  std::vector<const PrimvarSurface*> surfaces(state_->geometries.size());
+  for (const std::uint32_t id : at.geometry_ids) {
+    if (id == invalid_id) continue;
+    const std::uint32_t geometry = state_->instance(id).geometry;
+    if (!surfaces[geometry]) surfaces[geometry] = state_->geometries[geometry]->surface_of(name);
+  }
+  const auto evaluate = [&](std::size_t i) {
+    const std::uint32_t id = at.geometry_ids[i];
+    const PrimvarSurface* surface =
+        id == invalid_id ? nullptr : surfaces[state_->instances[id].geometry];
+    const std::size_t row = i * width;
+    const double missing = id == invalid_id ? 0 : std::numeric_limits<double>::quiet_NaN();
+    if (surface)
+      surface->evaluate(at.faces[i], at.sub_quads[i], at.uv[2 * i], at.uv[2 * i + 1], values + row,
+                        d_du + row, d_dv + row);
+    else
+      for (double* p : {values, d_du, d_dv}) std::fill_n(p + row, width, missing);
+  };
+  state_->arena.execute([&] {
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 512), [&](const auto& range) {
+      if (progress && progress->cancel) return;
+      for (std::size_t i = range.begin(); i < range.end(); ++i) evaluate(i);
+    });
+  });
+  if (progress && progress->cancel) throw Cancelled();
+}
+
 std::size_t Scene::geometry_count() const { return state_->instances.size(); }
 
 MeshStatistics Scene::mesh_statistics(std::uint32_t geometry_id) const {
@@ -453,6 +426,37 @@ MeshStatistics Scene::mesh_statistics(std::uint32_t geometry_id) const {
   s.bvh_bytes = g.bvh.bytes();
   s.build_seconds = g.build_seconds;
   return s;
+}
+
+std::size_t Scene::mesh_count() const { return state_->geometries.size(); }
+
+MeshData Scene::mesh_data(std::size_t mesh) const {
+  const Geometry& g = *state_->geometries.at(mesh);
+  const Extent extent = view_of(g, g.patches).extent;
+  return {g.patches.nets,
+          g.patches.bumps,
+          g.patches.infos,
+          g.patches.models,
+          g.bvh.order,
+          g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
+          g.bvh.nodes.size(),
+          extent.center,
+          extent.half,
+          extent.radius,
+          g.cage.orientation == Orientation::left_handed};
+}
+
+InstanceData Scene::instance_data(std::uint32_t geometry_id) const {
+  const InstanceView& in = state_->instance(geometry_id);
+  return {in.geometry, in.identity, in.to_object, in.to_world};
+}
+
+TopData Scene::top_data() const {
+  state_->update_top();
+  const Bvh& top = state_->top;
+  const Extent extent = extent_of(top.bounds, state_->origin, state_->radius);
+  return {top.nodes.empty() ? nullptr : top.nodes.data(), top.nodes.size(), extent.center,
+          extent.half, extent.radius};
 }
 
 std::array<Vec3d, 2> Scene::bounds() const { return state_->bounds(); }

@@ -73,11 +73,47 @@ struct MeshOptions {
   Affine transform{};
 };
 
+/// n places on surfaces, one row each: a hit's ids and parameters. Id 0xFFFFFFFF: nowhere.
+struct SurfacePlaces {
+  std::span<const std::uint32_t> geometry_ids, faces, sub_quads;
+  std::span<const double> uv;  // 2 n
+};
+
 /// All intersections along rays: row `offsets[i]` to `offsets[i+1]` belong to ray i, sorted by t.
 struct IntersectionList {
   std::vector<std::uint64_t> offsets;
   std::vector<double> t, uv, normal;
   std::vector<std::uint32_t> geometry_id, primitive_id, sub_quad;
+};
+
+struct BvhNode;
+
+/// What the tracer reads of one mesh, for tracers elsewhere (a GPU): views into the scene, valid until
+/// it is changed. Patches are in the order of the tree's leaves; all is relative to `center`.
+struct MeshData {
+  std::span<const PatchNet<float>> nets;
+  std::span<const PatchBump<float>> bumps;
+  std::span<const PatchInfo> infos;
+  std::span<const PatchModel<float>> models;
+  std::span<const std::uint32_t> patch_ids;  // leaf -> patch id
+  const BvhNode* nodes = nullptr;            // null for an empty surface
+  std::size_t node_count = 0;
+  Vec3d center{}, half{};  // half of the size of a box about `center` that contains the mesh
+  double radius = 0;       // largest |control value| or |corner of a box| of any axis
+  bool left_handed = false;
+};
+/// One placement of a mesh.
+struct InstanceData {
+  std::uint32_t mesh = 0;  // as counted by mesh_count
+  bool identity = true;
+  Affine to_object{}, to_world{};
+};
+/// The tree over the instances, boxes relative to `center`; no nodes for less than two instances.
+struct TopData {
+  const BvhNode* nodes = nullptr;
+  std::size_t node_count = 0;
+  Vec3d center{}, half{};
+  double radius = 0;
 };
 
 class Scene {
@@ -111,8 +147,22 @@ class Scene {
   IntersectionList list_intersections(const RayBatch<double>& rays,
                                       Progress* progress = nullptr) const;
 
+  /// Components of the primvar `name`, 0 if no mesh has it. Throws std::invalid_argument if two have
+  /// it with different widths.
+  int primvar_width(const std::string& name) const;
+  /// The primvar `name` and its derivatives by u and v, each n x primvar_width(name): 0 nowhere, NaN
+  /// where the mesh lacks it. The first call for a mesh makes its patches. Throws
+  /// std::invalid_argument for ids out of range, and where primvar_width does.
+  void evaluate_primvar(const std::string& name, const SurfacePlaces& at, double* values,
+                        double* d_du, double* d_dv, Progress* progress = nullptr) const;
+
   std::size_t geometry_count() const;
   MeshStatistics mesh_statistics(std::uint32_t geometry_id) const;
+  /// Meshes without their instances, and the data that a tracer needs.
+  std::size_t mesh_count() const;
+  MeshData mesh_data(std::size_t mesh) const;
+  InstanceData instance_data(std::uint32_t geometry_id) const;
+  TopData top_data() const;
   /// Lower and upper corner of everything in the scene; inverted when it is empty.
   std::array<Vec3d, 2> bounds() const;
   Statistics statistics() const;

@@ -1,10 +1,11 @@
 """The demo: a fluted cup with three handles, part machined, part grown."""
 
 import math
+from itertools import pairwise
 
 from obj_writer import Cage
 
-SEGMENTS = 12
+SEGMENTS = 18
 INFINITE = 10
 
 # Rings from the inside of the foot up to the lip: radius, height, sharpness of the ring, depth of
@@ -20,11 +21,11 @@ PROFILE = [
     (0.48, 1.06, 3.0, 0),
     (0.48, 1.18, 3.0, 0),
     (0.32, 1.28, 1.0, 0),
-    (0.66, 1.46, 0, 0.10),
-    (1.00, 1.76, 0, 0.15),
-    (1.16, 2.14, 0, 0.16),
-    (1.08, 2.52, 0, 0.13),
-    (0.88, 2.84, 2.0, 0.04),
+    (0.72, 1.42, 0, 0.10),
+    (1.08, 1.70, 0, 0.17),
+    (1.24, 2.12, 0, 0.18),
+    (1.14, 2.54, 0, 0.15),
+    (0.88, 2.84, 2.0, 0.02),
     (0.95, 2.94, 4.0, 0),
     (0.95, 3.10, 4.0, 0),
     (1.02, 3.24, 0, 0),
@@ -34,11 +35,11 @@ FLUTED = range(10, 14)  # rings whose ridges are creased
 HANDLE_RINGS = (11, 13)  # a handle joins the face above the first ring and the one above the second
 # Middle of a handle's sections on the way: distance from the axis, height, half thickness, tilt.
 HANDLE_PATH = [
-    (1.42, 1.76, 0.13, -0.9),
-    (1.74, 2.00, 0.12, -0.35),
-    (1.86, 2.36, 0.12, 0.15),
-    (1.72, 2.72, 0.12, 0.75),
-    (1.34, 2.86, 0.12, 1.35),
+    (1.46, 1.74, 0.12, -0.9),
+    (1.78, 1.98, 0.11, -0.35),
+    (1.90, 2.36, 0.11, 0.15),
+    (1.76, 2.74, 0.11, 0.75),
+    (1.38, 2.90, 0.11, 1.35),
 ]
 
 
@@ -63,7 +64,8 @@ def add_wall(cage, open_faces):
         for segment in range(SEGMENTS):
             angle = 2 * math.pi * (segment + 0.5) / SEGMENTS
             r = radius * (1 - flute * (segment % 2))
-            wave = 0.05 * math.cos(3 * (angle - math.pi / SEGMENTS)) if ring + 1 == len(PROFILE) else 0
+            is_lip = ring + 1 == len(PROFILE)
+            wave = 0.05 * math.cos(3 * (angle - math.pi / SEGMENTS)) if is_lip else 0
             cage.point(r * math.cos(angle), r * math.sin(angle), height + wave)
     cage.faces.append([ring_vertex(0, s) for s in range(SEGMENTS)][::-1])
     for ring in range(len(PROFILE) - 1):
@@ -74,7 +76,7 @@ def add_wall(cage, open_faces):
         if sharpness > 0:
             cage.crease(sharpness, *[ring_vertex(ring, s) for s in range(SEGMENTS + 1)])
     for segment in range(0, SEGMENTS, 2):
-        cage.crease(1.6, *[ring_vertex(ring, segment) for ring in FLUTED])
+        cage.crease(2.6, *[ring_vertex(ring, segment) for ring in FLUTED])
 
 
 def add_handle(cage, segment):
@@ -90,14 +92,12 @@ def add_handle(cage, segment):
         section = []
         for s, a in ((-1, 1), (1, 1), (1, -1), (-1, -1)):
             r, z = distance + a * half * away[0], height + a * half * away[1]
-            w = 0.17 * s
-            section.append(
-                cage.point(r * out[0] + w * side[0], r * out[1] + w * side[1], z)
-            )
+            w = 0.15 * s
+            section.append(cage.point(r * out[0] + w * side[0], r * out[1] + w * side[1], z))
         sections.append(section)
     upper = wall_face(high, segment)
     sections.append([upper[3], upper[2], upper[1], upper[0]])
-    for a, b in zip(sections, sections[1:]):
+    for a, b in pairwise(sections):
         for i in range(4):
             j = (i + 1) % 4
             cage.faces.append([a[i], a[j], b[j], b[i]])
@@ -106,9 +106,9 @@ def add_handle(cage, segment):
 
 
 def demo():
-    """A fluted cup: 12-gon, sharp foot, semi-sharp rings and ridges, handles, an open lip."""
+    """A fluted cup: 18-gon, sharp foot, semi-sharp rings and ridges, handles, an open lip."""
     cage = Cage()
-    handles = [1, 5, 9]
+    handles = [1, 7, 13]
     add_wall(cage, {(ring, segment) for ring in HANDLE_RINGS for segment in handles})
     for segment in handles:
         add_handle(cage, segment)

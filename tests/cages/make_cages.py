@@ -25,7 +25,14 @@ def cube(half=1.0):
         for y in (-half, half):
             for x in (-half, half):
                 cage.point(x, y, z)
-    cage.faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6]]
+    cage.faces = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [1, 3, 7, 5],
+        [3, 2, 6, 7],
+        [2, 0, 4, 6],
+    ]
     return cage
 
 

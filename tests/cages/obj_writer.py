@@ -45,7 +45,9 @@ class Cage:
         p, q, r = (self.points[i] for i in (a, b, c))
         u = [q[i] - p[i] for i in range(3)]
         v = [r[i] - p[i] for i in range(3)]
-        normal = [u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3] for i in range(3)]
+        normal = [
+            u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3] for i in range(3)
+        ]
         return sum(n * x for n, x in zip(normal, p)) > 0
 
     def texture_corners(self, corners):

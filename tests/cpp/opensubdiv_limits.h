@@ -31,7 +31,7 @@ struct RefinedCorner {
   Sdc::Crease::Rule rule;
   bool settled;  // no semi-sharp feature is left at the vertex
   bool manifold;
-  Vec3d limit, tangent1, tangent2;
+  Vec3d limit, tangent1, tangent2;  // tangents are 0 for a cage with non-manifold vertices
 };
 
 inline Sdc::Options sdc_options(const ControlCage& cage) {
@@ -71,8 +71,8 @@ inline std::unique_ptr<Far::TopologyRefiner> make_refiner(const ControlCage& cag
   descriptor.numHoles = static_cast<int>(cage.hole_indices.size());
   descriptor.holeIndices = cage.hole_indices.data();
   using Factory = Far::TopologyRefinerFactory<Far::TopologyDescriptor>;
-  std::unique_ptr<Far::TopologyRefiner> refiner(Factory::Create(
-      descriptor, Factory::Options(Sdc::SCHEME_CATMARK, sdc_options(cage))));
+  std::unique_ptr<Far::TopologyRefiner> refiner(
+      Factory::Create(descriptor, Factory::Options(Sdc::SCHEME_CATMARK, sdc_options(cage))));
   Far::TopologyRefiner::UniformOptions options(level);
   options.fullTopologyInLastLevel = true;
   refiner->RefineUniform(options);
@@ -123,9 +123,19 @@ inline std::vector<RefinedCorner> refined_corners(const ControlCage& cage, int l
   const std::vector<RefinedPoint> points = refined_points(cage, *refiner);
   std::vector<RefinedPoint> limits(points.size()), tangents1(points.size()),
       tangents2(points.size());
-  Far::PrimvarRefinerReal<double>(*refiner).Limit(points, limits, tangents1, tangents2);
-
   const Far::TopologyLevel& last = refiner->GetLevel(level);
+  bool manifold = true;
+  for (int v = 0; v < last.GetNumVertices(); ++v) {
+    manifold &= !last.IsVertexNonManifold(v) || last.GetVertexFaces(v).empty();
+  }
+  // OpenSubdiv writes tangent weights out of bounds at vertices with more faces than edges.
+  const Far::PrimvarRefinerReal<double> primvars(*refiner);
+  if (manifold) {
+    primvars.Limit(points, limits, tangents1, tangents2);
+  } else {
+    primvars.Limit(points, limits);
+  }
+
   std::vector<RefinedCorner> corners;
   for (int face = 0; face < last.GetNumFaces(); ++face) {
     if (last.IsFaceHole(face)) continue;
@@ -139,10 +149,9 @@ inline std::vector<RefinedCorner> refined_corners(const ControlCage& cage, int l
       }
       const bool right = corner == 1 || corner == 2, upper = corner >= 2;
       corners.push_back({place.face, place.sub_quad, place.u + right * place.size,
-                         place.v + upper * place.size, vertex,
-                         last.GetVertexFaces(vertex).size(), last.GetVertexRule(vertex), settled,
-                         !last.IsVertexNonManifold(vertex), limits[vertex].p,
-                         tangents1[vertex].p, tangents2[vertex].p});
+                         place.v + upper * place.size, vertex, last.GetVertexFaces(vertex).size(),
+                         last.GetVertexRule(vertex), settled, !last.IsVertexNonManifold(vertex),
+                         limits[vertex].p, tangents1[vertex].p, tangents2[vertex].p});
     }
   }
   return corners;

@@ -1,5 +1,7 @@
 """Ctrl-C: calls end within half a second, the scene stays usable, a picture is saved."""
 
+import os
+import pty
 import signal
 import subprocess
 import sys
@@ -44,20 +46,25 @@ def test_a_long_call_ends_within_half_a_second(call):
     assert usable == "[True, True, True, True, True]\n"
 
 
-def test_render_saves_the_picture_so_far(tmp_path):
+def test_render_shows_progress_and_saves_the_picture_so_far(tmp_path):
     output = tmp_path / "part.png"
     program = [sys.executable, "-m", "limitray.cli", "render", DEMO, "-o", output]
+    terminal, stderr = pty.openpty()
     with subprocess.Popen(
-        [*program, "--spp", "4096", "--size", "320x240"],
+        [*program, "--spp", "512", "--size", "320x240"],
         stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
     ) as process:
-        time.sleep(3)
+        seen = b""
+        while b" 1 %" not in seen:
+            seen += os.read(terminal, 4096)
         process.send_signal(signal.SIGINT)
-        printed, errors = process.communicate(timeout=10)
-    assert process.returncode == 130, errors
-    assert errors == ""
+        printed, _ = process.communicate(timeout=20)
+    os.close(stderr)
+    os.close(terminal)
+    assert b"rendering" in seen
+    assert process.returncode == 130
     assert printed == f"{output} (stopped early)\n"
     with Image.open(output) as picture:
         pixels = np.asarray(picture)

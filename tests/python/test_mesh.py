@@ -84,7 +84,7 @@ WRONG = [
     ({"corner_indices": [0], "corner_sharpnesses": []}, "corner_sharpnesses"),
     ({"corner_indices": [9], "corner_sharpnesses": [1]}, "corner_indices"),
     ({"hole_indices": [6]}, "hole_indices"),
-    ({"primvars": {"st": [1, 2]}}, 'primvars["st"] must be a FaceVarying, not list'),
+    ({"primvars": {"st": [1, 2]}}, 'primvars["st"] must be a FaceVarying or Primvar, not list'),
     ({"primvars": {"st": lr.FaceVarying([1, 2], [0.5])}}, 'primvars["st"].indices must hold'),
     ({"primvars": {"st": lr.FaceVarying([1, 2], [0, 1])}}, "st"),
 ]
@@ -129,6 +129,17 @@ def test_files_that_cannot_be_read(tmp_path):
         lr.Mesh.from_file(bad)
     with pytest.raises(ValueError, match="prim must be None"):
         lr.Mesh.from_file(bad, prim="/mesh")
+
+
+def test_arguments_of_the_limit_broadcast():
+    mesh = cube()
+    for face, uv, sub_quad, shape in (
+        (0, (0.5, 0.5), 0, ()),
+        ([0], (0.5, 0.5), 0, (1,)),
+        (np.arange(6), (0.5, 0.5), np.zeros((2, 1), int), (2, 6)),
+        (0, np.zeros((0, 2)), 0, (0,)),
+    ):
+        assert {a.shape for a in mesh.limit(face, uv, sub_quad).values()} == {(*shape, 3)}
 
 
 def test_the_limit_of_a_square_is_the_square():

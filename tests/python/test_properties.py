@@ -82,7 +82,7 @@ def test_hits_keep_their_promises(mesh, seed, dtype):
     on_ray = rays[:, :3] + np.where(found, hit["t_hit"], 0)[:, np.newaxis] * rays[:, 3:]
     residual = np.linalg.norm((hit["points"] - on_ray)[found], axis=1)
     bound = hit["t_error"][found] * np.linalg.norm(rays[found, 3:], axis=1)
-    assert (residual <= 2 * bound + size * (1e-6 if dtype == np.float32 else 1e-13)).all()
+    assert (residual <= bound + size * (2e-4 if dtype == np.float32 else 1e-12)).all()
     assert np.isin(hit["primitive_ids"][found], np.arange(len(mesh.face_vertex_counts))).all()
     assert not np.isin(hit["primitive_ids"][found], mesh.hole_indices).any()
     assert ((hit["primitive_uvs"] >= 0) & (hit["primitive_uvs"] <= 1)).all()

@@ -33,7 +33,7 @@ def test_cpp_sample_is_the_consumer_that_scripts_test_builds():
     assert consumer.endswith(sample)
 
 
-@pytest.mark.parametrize("target", re.findall(r"\]\(([^):]+)\)", README))
+@pytest.mark.parametrize("target", sorted(set(re.findall(r"\]\(([^):]+)\)", README))))
 def test_links_lead_somewhere(target):
     assert (REPOSITORY / target).exists()
 

@@ -8,6 +8,7 @@
 #include <bit>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "limitray/intersect/ray.h"
 
@@ -45,7 +46,7 @@ inline namespace LIMITRAY_ISA {
 /// A ray for the slab test, in the units of PatchRay's z.
 struct BoxRay {
   Simd<float, 8> org[3], inv[3];
-  bool backward[3];  // direction component is negative: the near plane is hi
+  std::uint32_t near[3], far[3];  // where a node holds the near and far planes, in floats
 };
 
 /// `r` must come from make_patch_ray for the space that the boxes live in.
@@ -60,7 +61,8 @@ BoxRay make_box_ray(const PatchRay<T>& r) {
   for (int i = 0; i < 3; ++i) {
     b.org[i] = Simd<float, 8>{} + float(r.org[i]);
     b.inv[i] = Simd<float, 8>{} + inverse[i];
-    b.backward[i] = inverse[i] < 0;
+    b.near[i] = std::uint32_t(8 * i + (inverse[i] < 0 ? 24 : 0));
+    b.far[i] = std::uint32_t(8 * i + (inverse[i] < 0 ? 0 : 24));
   }
   return b;
 }
@@ -74,12 +76,11 @@ inline Simd<float, 8> load8(const float* p) {
 inline unsigned intersect_boxes(const BvhNode& n, const BoxRay& r, float zmin, float zmax,
                                 Simd<float, 8>& entry) {
   using V = Simd<float, 8>;
+  const float* planes = &n.lo[0][0];  // lo, then hi: 24 floats each
   V near = V{} + zmin, far = V{} + zmax;
   for (int i = 0; i < 3; ++i) {
-    const V lo = load8(r.backward[i] ? n.hi[i] : n.lo[i]);
-    const V hi = load8(r.backward[i] ? n.lo[i] : n.hi[i]);
-    near = max(near, V((lo - r.org[i]) * r.inv[i]));
-    far = min(far, V((hi - r.org[i]) * r.inv[i]));
+    near = max(near, V((load8(planes + r.near[i]) - r.org[i]) * r.inv[i]));
+    far = min(far, V((load8(planes + r.far[i]) - r.org[i]) * r.inv[i]));
   }
   entry = near;
 #if defined(LIMITRAY_AVX512)
@@ -94,47 +95,64 @@ inline unsigned intersect_boxes(const BvhNode& n, const BoxRay& r, float zmin, f
 #endif
 }
 
+/// A child left to visit, and where the ray enters its box.
+struct BvhEntry {
+  std::uint32_t child;
+  float z;
+};
+
+/// Pushes the children in `hits`, the farthest first, but keeps the nearest: it is returned.
+inline std::uint32_t push_farther(const BvhNode& node, unsigned hits, const Simd<float, 8>& entry,
+                                  BvhEntry* stack, int& size) {
+  const int first = std::countr_zero(hits);
+  hits &= hits - 1;
+  if (!hits) return node.child[first];  // most often
+  BvhEntry nearest{node.child[first], entry[first]};
+  const int base = size;
+  do {
+    const int i = std::countr_zero(hits);
+    hits &= hits - 1;
+    BvhEntry e{node.child[i], entry[i]};
+    if (e.z < nearest.z) std::swap(e, nearest);
+    int k = size++;
+    for (; k > base && stack[k - 1].z < e.z; --k) stack[k] = stack[k - 1];
+    stack[k] = e;
+  } while (hits);
+  return nearest.child;
+}
+
 /// Visits the items whose boxes the ray meets, nearer boxes first. `zmax()` gives the far end as it
-/// stands; leaf(item) returns true to end the walk. Counts nodes.
-template <class Zmax, class Leaf>
-void traverse(const BvhNode* nodes, const BoxRay& ray, float zmin, Zmax&& zmax, Leaf&& leaf,
-              std::uint64_t& node_visits) {
-  struct Entry {
-    std::uint32_t child;
-    float z;
-  };
-  Entry stack[bvh_max_depth * (bvh_width - 1) + 1];
+/// stands; prefetch(item) is called early for an item that is likely next, leaf(item) for each, and
+/// returns true to end the walk. Counts nodes.
+template <class Zmax, class Prefetch, class Leaf>
+void traverse(const BvhNode* nodes, const BoxRay& ray, float zmin, Zmax&& zmax,
+              Prefetch&& prefetch, Leaf&& leaf, std::uint64_t& node_visits) {
+  BvhEntry stack[bvh_max_depth * (bvh_width - 1) + 1];
   int size = 0;
   std::uint32_t current = 0;
+  std::uint64_t visits = 0;
   while (true) {
-    if (current & leaf_flag) {
-      if (leaf(current & ~leaf_flag)) return;
-    } else {
-      ++node_visits;
+    while (!(current & leaf_flag)) {
+      ++visits;
       const BvhNode& node = nodes[current];
       Simd<float, 8> entry;
-      unsigned hits = intersect_boxes(node, ray, zmin, zmax(), entry);
-      if (hits) {
-        alignas(32) float z[8];
-        std::memcpy(z, &entry, sizeof(z));
-        // Push the children sorted, the nearest on top.
-        const int base = size;
-        do {
-          const int i = std::countr_zero(hits);
-          hits &= hits - 1;
-          const Entry e{node.child[i], z[i]};
-          int k = size++;
-          for (; k > base && stack[k - 1].z < e.z; --k) stack[k] = stack[k - 1];
-          stack[k] = e;
-        } while (hits);
-      }
+      const unsigned hits = intersect_boxes(node, ray, zmin, zmax(), entry);
+      if (!hits) goto pop;
+      prefetch(node.child[std::countr_zero(hits)]);
+      current = push_farther(node, hits, entry, stack, size);
     }
+    if (leaf(current & ~leaf_flag)) break;
+  pop:
     do {
-      if (size == 0) return;
+      if (size == 0) {
+        node_visits += visits;
+        return;
+      }
       --size;
     } while (stack[size].z > zmax());
     current = stack[size].child;
   }
+  node_visits += visits;
 }
 
 }  // namespace LIMITRAY_ISA

@@ -209,6 +209,16 @@ void check_crease_edges(const ControlCage& cage, const CageTopology& topology,
   }
 }
 
+void check_valences(const CageTopology& topology) {
+  for (std::size_t v = 0; v < topology.vertex_edges.size(); ++v) {
+    const std::size_t edges = topology.vertex_edges[static_cast<std::int32_t>(v)].size();
+    if (edges > valence_limit) {
+      fail("face_vertex_indices: must give vertex ", v, " at most ", valence_limit, " edges, got ",
+           edges);
+    }
+  }
+}
+
 void warn_about_topology(const CageTopology& topology, CageWarnings& warnings) {
   std::size_t isolated = 0;
   for (std::size_t v = 0; v < topology.vertex_corners.size(); ++v) {
@@ -290,6 +300,7 @@ CageWarnings validate(const ControlCage& cage) {
   for (const Primvar& primvar : cage.primvars) check_primvar(cage, primvar);
   CageWarnings warnings{cage.notes};
   const CageTopology topology = make_topology(cage);
+  check_valences(topology);
   check_crease_edges(cage, topology, warnings);
   warn_about_topology(topology, warnings);
   warn_about_faces(cage, topology, warnings);

@@ -264,7 +264,11 @@ LocalSample sample_crease(const LocalMesh& mesh, const Sector& sector, int corne
   const Vec3d first = spoke_point(mesh, sector.corners.front());
   const Vec3d last = last_spoke_point(mesh, sector.corners.back());
   const std::size_t faces = sector.corners.size();
-  const Vec3d point = (2.0 / 3) * own + (1.0 / 6) * (first + last);
+  Vec3d ends{};  // of the crease; those of the sector unless that is a closed fan beside it
+  for (const int edge : mesh.inner_edges[corner]) {
+    if (is_sharp_edge(mesh, edge)) ends = ends + mesh.points[mesh.other_end(edge, corner)];
+  }
+  const Vec3d point = (2.0 / 3) * own + (1.0 / 6) * ends;
   const Vec3d along = faces >= 5 ? sector_wave(mesh, sector, corner, 2) : 0.5 * (first - last);
   const Vec3d across = faces == 1 ? first + last - 2.0 * own : sector_wave(mesh, sector, corner, 1);
   const auto spoke = [&](std::size_t i) {

@@ -155,7 +155,7 @@ bool is_point(const RootPatch<T>& root, const SubPatch<T>& s) {
 ///
 /// This is the reference: bisection, with S8 on the subpatches where `use_newton`.
 template <class T, bool use_newton, class OnHit>
-void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray, T& zmax,
+[[gnu::noinline]] void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray, T& zmax,
                   OnHit&& on_hit, PatchCounters& count) {
   RootPatch<T> root = to_ray_frame(net, bump, ray);  // S1
   charge_rounding(root);
@@ -185,7 +185,7 @@ void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchR
   const std::uint32_t first_split = count.splits;
   while (true) {
     bool done = false;  // with this subdomain
-    if constexpr (use_newton) {
+    if (use_newton && domain.level_u > 0) {  // the whole patch was tried by its model
       PatchRoot<T> r;
       const NewtonResult result =
           newton_on_subpatch(root, sub, r, count.newton_runs, count.newton_steps);  // S8
@@ -227,7 +227,7 @@ void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchR
 
 /// Meets `ray` with a patch as above: S8 on the whole patch by its model first, where `use_newton`.
 template <class T, bool use_newton, class OnHit>
-void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchModel<T>& model,
+[[gnu::always_inline]] inline void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchModel<T>& model,
                      const PatchRay<T>& ray, T& zmax, OnHit&& on_hit, PatchCounters& count) {
   ++count.patch_tests;
   if constexpr (use_newton) {

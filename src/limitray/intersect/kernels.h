@@ -46,6 +46,13 @@ struct Intersection {
   std::uint32_t geometry_id, primitive_id, sub_quad;
 };
 
+/// Where a ray met one patch: (u,v) in the base face or its sub-quad, unit normal.
+struct PatchHit {
+  double t;
+  float u, v;
+  Vec3f normal;
+};
+
 struct Kernels {
   const char* name;
   Box (*patch_bounds)(const PatchNet<float>&, const PatchBump<float>*, float padding);
@@ -62,6 +69,11 @@ struct Kernels {
   /// All intersections of ray `i`, in no order, duplicates at shared borders included.
   void (*all_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t i,
                 std::vector<Intersection>&, Statistics&);
+  /// For callers with a tree of their own: the nearest hit of a ray with one patch, and whether
+  /// there is one. The ray is in the space of the mesh.
+  bool (*closest_patch)(const GeometryView<float>&, std::uint32_t patch, const ObjectRay&,
+                        PatchHit&);
+  bool (*occluded_patch)(const GeometryView<float>&, std::uint32_t patch, const ObjectRay&);
 };
 
 /// The table for this machine: the widest instruction set it has, or the one that the environment

@@ -57,8 +57,15 @@ bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const Obje
         count);
     return ended;
   };
-  traverse(g.nodes, make_box_ray(r), -float_up(-r.zmin), [&] { return float_up(zmax); }, leaf,
-           stats.node_visits);
+  // A leaf's model, or a node: the same address arithmetic serves as a guess for both.
+  const auto prefetch = [&](std::uint32_t child) {
+    const void* next = child & leaf_flag ? static_cast<const void*>(&g.models[child & ~leaf_flag])
+                                         : static_cast<const void*>(&g.nodes[child]);
+    __builtin_prefetch(next);
+  };
+  traverse(
+      g.nodes, make_box_ray(r), -float_up(-r.zmin), [&] { return float_up(zmax); }, prefetch, leaf,
+      stats.node_visits);
   return ended;
 }
 
@@ -82,7 +89,7 @@ void trace_scene(const SceneView<T>& scene, const ObjectRay& ray, double& tfar, 
   PatchRay<T> r;
   if (!scene.nodes || !make_patch_ray(ray, scene.extent, r)) return;
   traverse(scene.nodes, make_box_ray(r), -float_up(-r.zmin),
-           [&] { return float_up(r.z_above(tfar)); }, instance,
+           [&] { return float_up(r.z_above(tfar)); }, [](std::uint32_t) {}, instance,
            stats.node_visits);
 }
 
@@ -240,10 +247,62 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
   add_counts(stats, count, 1);
 }
 
+/// Meets a ray with one patch of a mesh; on_hit(root, t, zmax) returns true to end the search.
+template <class OnHit>
+void trace_patch(const GeometryView<float>& g, std::uint32_t patch, const ObjectRay& ray,
+                 OnHit&& on_hit) {
+  PatchRay<float> r;
+  if (!make_patch_ray(ray, g.extent, r)) return;
+  float zmax = r.zmax;
+  PatchCounters count;
+  intersect_patch<float, true>(
+      g.nets[patch], bump_of(g, patch), g.models[patch], r, zmax,
+      [&](const PatchRoot<float>& root, float& z) {
+        const double t = r.t_of(root.z);
+        return t > ray.tnear && t <= ray.tfar && on_hit(root, t, z);
+      },
+      count);
+}
+
+inline bool closest_patch(const GeometryView<float>& g, std::uint32_t patch, const ObjectRay& ray,
+                          PatchHit& hit) {
+  PatchRoot<float> best;
+  hit.t = std::numeric_limits<double>::infinity();
+  trace_patch(g, patch, ray, [&](const PatchRoot<float>& root, double t, float& zmax) {
+    if (t < hit.t) best = root, hit.t = t, zmax = root.z;
+    return false;
+  });
+  if (!(hit.t < std::numeric_limits<double>::infinity())) return false;
+  const PatchInfo& info = g.infos[patch];
+  hit.u = info.u0 + best.u * info.du;
+  hit.v = info.v0 + best.v * info.dv;
+  const SurfacePoint<float> p = evaluate_patch(g.nets[patch], bump_of(g, patch), best.u, best.v);
+  hit.normal = unit_normal(g.nets[patch], bump_of(g, patch), best.u, best.v, p);
+  if (g.left_handed) hit.normal = -1.0f * hit.normal;
+  return true;
+}
+
+inline bool occluded_patch(const GeometryView<float>& g, std::uint32_t patch,
+                           const ObjectRay& ray) {
+  bool hit = false;
+  trace_patch(g, patch, ray,
+              [&](const PatchRoot<float>&, double, float&) { return hit = true; });
+  return hit;
+}
+
 /// The table of this instruction set.
 inline Kernels make_kernels(const char* name) {
-  return {name,          patch_bounds,     make_patch_model<float>, make_patch_model<double>,     closest<float>, closest<double>,
-          occluded<float>, occluded<double>, all};
+  return {name,
+          patch_bounds,
+          make_patch_model<float>,
+          make_patch_model<double>,
+          closest<float>,
+          closest<double>,
+          occluded<float>,
+          occluded<double>,
+          all,
+          closest_patch,
+          occluded_patch};
 }
 
 }  // namespace LIMITRAY_ISA

@@ -84,7 +84,7 @@ struct Interval {
 /// Clamped Newton steps from (u,v) on the domain, under a contraction. A step whose end is certain to
 /// be within `eps` of zero (curvature * step^2) is taken without looking again.
 template <class T>
-NewtonResult newton_steps(const RootPatch<T>& root, const Contraction<T>& k, T curvature,
+[[gnu::always_inline]] inline NewtonResult newton_steps(const RootPatch<T>& root, const Contraction<T>& k, T curvature,
                           Interval<T> in_u, Interval<T> in_v, T u, T v, PatchRoot<T>& out,
                           std::uint32_t& steps) {
   for (int step = 0; step < 8; ++step) {
@@ -131,15 +131,15 @@ NewtonResult newton_steps(const RootPatch<T>& root, const Contraction<T>& k, T c
 /// S8 on a whole patch by its first order model: most rays are decided here, before or after reading
 /// the patch itself. Sets `root` when it returns undecided after reading; counts that as a run.
 template <class T>
-NewtonResult newton_on_model(const PatchModel<T>& m, const PatchNet<T>& net,
+[[gnu::always_inline]] inline NewtonResult newton_on_model(const PatchModel<T>& m, const PatchNet<T>& net,
                              const PatchBump<T>* bump, const PatchRay<T>& r, PatchRoot<T>& out,
                              std::uint32_t& runs, std::uint32_t& steps) {
   // The model in the ray's frame.
   const auto &ax = m.axis[r.axis_x], &ay = m.axis[r.axis_y], &az = m.axis[r.axis_z];
-  const T depth = az.p - r.org[r.axis_z];
-  const T x = ax.p - r.org[r.axis_x] + r.shear_x * depth, x_u = ax.p_u + r.shear_x * az.p_u,
+  const T depth = az.p - r.org_z;
+  const T x = ax.p - r.org_x + r.shear_x * depth, x_u = ax.p_u + r.shear_x * az.p_u,
           x_v = ax.p_v + r.shear_x * az.p_v;
-  const T y = ay.p - r.org[r.axis_y] + r.shear_y * depth, y_u = ay.p_u + r.shear_y * az.p_u,
+  const T y = ay.p - r.org_y + r.shear_y * depth, y_u = ay.p_u + r.shear_y * az.p_u,
           y_v = ay.p_v + r.shear_y * az.p_v;
   const T sx = std::abs(r.shear_x), sy = std::abs(r.shear_y);
   const T dx_u = ax.d_u + sx * az.d_u, dx_v = ax.d_v + sx * az.d_v;

@@ -34,6 +34,7 @@ struct PatchRay {
   T org[3];  // the moved origin, relative to the centre of the mesh, by axis
   T dir[3];  // the direction, scaled so that its dominant component is +1 or -1
   int axis_x, axis_y, axis_z;
+  T org_x, org_y, org_z;  // org in the order of these axes
   T shear_x, shear_y;  // x = X + shear_x Z, y = Y + shear_y Z, with X, Y, Z relative to org
   T sign_z;            // z = sign_z Z grows along the ray
   T zmin, zmax;        // interval of z, widened by all rounding
@@ -79,31 +80,33 @@ struct Extent {
 /// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u D
 /// = 18 u R, first order; 20 u R covers the higher orders. The move in double adds eps_move.
 template <class T>
-bool make_patch_ray(const ObjectRay& ray, const Extent& extent, PatchRay<T>& r) {
+[[gnu::always_inline]] inline bool make_patch_ray(const ObjectRay& ray, const Extent& extent, PatchRay<T>& r) {
   using V = Quad<double>;
   const Vec3d& c = extent.center;
   const V o = V{ray.org.x, ray.org.y, ray.org.z, 0} - V{c.x, c.y, c.z, 0};
   const V d{ray.dir.x, ray.dir.y, ray.dir.z, 0};
   const V half{extent.half.x, extent.half.y, extent.half.z, 0};
   const V ad = abs(d);
-  const int largest = ad[0] >= ad[1] ? (ad[0] >= ad[2] ? 0 : 2) : (ad[1] >= ad[2] ? 1 : 2);
-  r.z_scale = ad[largest];
-  r.t_scale = 1 / r.z_scale;
-  const V n = r.t_scale * d;
+  int largest = ad[1] > ad[0];
+  r.z_scale = std::max(ad[0], ad[1]);
+  largest = ad[2] > r.z_scale ? 2 : largest;
+  r.z_scale = std::max(r.z_scale, ad[2]);
 
-  // The slabs of the extent, in z: a zero component is almost one (its planes are far away, or the
-  // ray runs in the padding).
-  const V tiny = V{} + 1e-200;
-  const V inverse = 1 / (abs(n) > tiny ? n : V{tiny});
+  // The slabs of the extent, in z. Where the direction is 0, its planes are at +-huge (or at 0 on the
+  // border, which is padding only). What is not finite stays so.
+  const V huge = V{} + 1e200;
+  const V inverse = min(huge, max(V(-huge), V(r.z_scale / d)));
   const V a = (-half - o) * inverse, b = (half - o) * inverse;
   const V lo = min(a, b), hi = max(a, b);
   const double entry = std::max(std::max(lo[0], lo[1]), lo[2]);
   const double exit = std::min(std::min(hi[0], hi[1]), hi[2]);
-  // What is not finite, or has no direction, fails here, too.
-  if (!(entry <= exit && exit >= ray.tnear * r.z_scale && entry <= ray.tfar * r.z_scale &&
-        ray.tnear < ray.tfar))
+  const bool finite = (lo[0] + lo[1] + lo[2]) * 0 == 0 && r.z_scale > 1e-290;
+  if (!(finite && entry <= exit && exit >= ray.tnear * r.z_scale &&
+        entry <= ray.tfar * r.z_scale && ray.tnear < ray.tfar))
     return false;
 
+  r.t_scale = 1 / r.z_scale;
+  const V n = r.t_scale * d;
   const double s = std::min(std::max(0.0, entry), exit);
   const V moved = o + s * n;
   const double far = std::max({std::abs(o[0]), std::abs(o[1]), std::abs(o[2])}) + std::abs(s);
@@ -112,6 +115,7 @@ bool make_patch_ray(const ObjectRay& ray, const Extent& extent, PatchRay<T>& r) 
   r.axis_z = largest;
   r.axis_x = largest == 2 ? 0 : largest + 1;
   r.axis_y = r.axis_x == 2 ? 0 : r.axis_x + 1;
+  r.org_x = r.org[r.axis_x], r.org_y = r.org[r.axis_y], r.org_z = r.org[r.axis_z];
   r.t_origin = s * r.t_scale;
   r.sign_z = T(n[largest]) > 0 ? T(1) : T(-1);
   r.shear_x = -r.sign_z * r.dir[r.axis_x];

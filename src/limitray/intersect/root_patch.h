@@ -19,11 +19,11 @@ struct RootPatch {
 
 /// S1: the control values of a patch in the frame of the ray. `bump` is null for a Bezier patch.
 template <class T>
-RootPatch<T> to_ray_frame(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& r) {
+[[gnu::always_inline]] inline RootPatch<T> to_ray_frame(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& r) {
   RootPatch<T> p;
-  const Net<T> depth = load_net(net.c[r.axis_z]) - r.org[r.axis_z];
-  p.x = load_net(net.c[r.axis_x]) - r.org[r.axis_x] + r.shear_x * depth;
-  p.y = load_net(net.c[r.axis_y]) - r.org[r.axis_y] + r.shear_y * depth;
+  const Net<T> depth = load_net(net.c[r.axis_z]) - r.org_z;
+  p.x = load_net(net.c[r.axis_x]) - r.org_x + r.shear_x * depth;
+  p.y = load_net(net.c[r.axis_y]) - r.org_y + r.shear_y * depth;
   p.z = r.sign_z * depth;
   p.gregory = bump != nullptr;
   if (bump) {

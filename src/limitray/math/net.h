@@ -272,17 +272,34 @@ Net<T> permute_rows(const Net<T>& n) {
   return r;
 }
 
+/// A quad in the low lanes of a wider vector, the others undefined: free, where GCC's own widening
+/// goes through memory.
+template <class Part, class Q>
+Part widen(Q q) {
+#if defined(LIMITRAY_AVX512)
+  if constexpr (sizeof(Part) == 64 && sizeof(Q) == 16) return Part(_mm512_castps128_ps512(__m128(q)));
+  if constexpr (sizeof(Part) == 64 && sizeof(Q) == 32) return Part(_mm512_castpd256_pd512(__m256d(q)));
+#endif
+#if defined(LIMITRAY_AVX2)
+  if constexpr (sizeof(Part) == 32 && sizeof(Q) == 16) return Part(_mm256_castps128_ps256(__m128(q)));
+#endif
+  Part p{};
+  std::memcpy(&p, &q, sizeof(q));
+  return p;
+}
+
 /// Lane (j, i) is q[i]: weights of s repeated in each row.
 template <class T>
 Net<T> along_rows(Quad<T> q) {
   Net<T> r;
+  const auto w = widen<typename Net<T>::Part>(q);
   for (int k = 0; k < Net<T>::parts; ++k) {
     if constexpr (Net<T>::lanes == 4) {
-      r.part[k] = q;
+      r.part[k] = w;
     } else if constexpr (Net<T>::lanes == 8) {
-      r.part[k] = __builtin_shufflevector(q, q, 0, 1, 2, 3, 0, 1, 2, 3);
+      r.part[k] = __builtin_shufflevector(w, w, 0, 1, 2, 3, 0, 1, 2, 3);
     } else {
-      r.part[k] = __builtin_shufflevector(q, q, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
+      r.part[k] = __builtin_shufflevector(w, w, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3);
     }
   }
   return r;
@@ -291,35 +308,36 @@ Net<T> along_rows(Quad<T> q) {
 template <class T>
 Net<T> along_columns(Quad<T> q) {
   Net<T> r;
+  const auto w = widen<typename Net<T>::Part>(q);
   if constexpr (Net<T>::lanes == 4) {
-    r.part[0] = __builtin_shufflevector(q, q, 0, 0, 0, 0);
-    r.part[1] = __builtin_shufflevector(q, q, 1, 1, 1, 1);
-    r.part[2] = __builtin_shufflevector(q, q, 2, 2, 2, 2);
-    r.part[3] = __builtin_shufflevector(q, q, 3, 3, 3, 3);
+    r.part[0] = __builtin_shufflevector(w, w, 0, 0, 0, 0);
+    r.part[1] = __builtin_shufflevector(w, w, 1, 1, 1, 1);
+    r.part[2] = __builtin_shufflevector(w, w, 2, 2, 2, 2);
+    r.part[3] = __builtin_shufflevector(w, w, 3, 3, 3, 3);
   } else if constexpr (Net<T>::lanes == 8) {
-    r.part[0] = __builtin_shufflevector(q, q, 0, 0, 0, 0, 1, 1, 1, 1);
-    r.part[1] = __builtin_shufflevector(q, q, 2, 2, 2, 2, 3, 3, 3, 3);
+    r.part[0] = __builtin_shufflevector(w, w, 0, 0, 0, 0, 1, 1, 1, 1);
+    r.part[1] = __builtin_shufflevector(w, w, 2, 2, 2, 2, 3, 3, 3, 3);
   } else {
-    r.part[0] = __builtin_shufflevector(q, q, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+    r.part[0] = __builtin_shufflevector(w, w, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
   }
   return r;
 }
 /// q[k] at the interior point beside corner k (lanes 5, 6, 10, 9), 0 elsewhere.
 template <class T>
 Net<T> at_interior(Quad<T> q) {
-  const Quad<T> zero{};
+  using Part = typename Net<T>::Part;
+  const Part w = widen<Part>(q), zero{};
   Net<T> r;
   if constexpr (Net<T>::lanes == 4) {
-    r.part[0] = zero;
-    r.part[1] = __builtin_shufflevector(q, zero, 4, 0, 1, 4);
-    r.part[2] = __builtin_shufflevector(q, zero, 4, 3, 2, 4);
-    r.part[3] = zero;
+    r.part[0] = r.part[3] = zero;
+    r.part[1] = __builtin_shufflevector(w, zero, 4, 0, 1, 4);
+    r.part[2] = __builtin_shufflevector(w, zero, 4, 3, 2, 4);
   } else if constexpr (Net<T>::lanes == 8) {
-    r.part[0] = __builtin_shufflevector(q, zero, 4, 4, 4, 4, 4, 0, 1, 4);
-    r.part[1] = __builtin_shufflevector(q, zero, 4, 3, 2, 4, 4, 4, 4, 4);
+    r.part[0] = __builtin_shufflevector(w, zero, 8, 8, 8, 8, 8, 0, 1, 8);
+    r.part[1] = __builtin_shufflevector(w, zero, 8, 3, 2, 8, 8, 8, 8, 8);
   } else {
-    r.part[0] =
-        __builtin_shufflevector(q, zero, 4, 4, 4, 4, 4, 0, 1, 4, 4, 3, 2, 4, 4, 4, 4, 4);
+    r.part[0] = __builtin_shufflevector(w, zero, 16, 16, 16, 16, 16, 0, 1, 16, 16, 3, 2, 16, 16, 16,
+                                        16, 16);
   }
   return r;
 }

@@ -23,6 +23,18 @@ void add_ring(const ControlCage& cage, const CageTopology& topology,
   }
 }
 
+/// Positions in the sorted `all` of the sorted `some`.
+std::vector<std::int32_t> positions_in(std::span<const std::int32_t> all,
+                                       std::span<const std::int32_t> some) {
+  std::vector<std::int32_t> positions;
+  auto it = all.begin();
+  for (const std::int32_t value : some) {
+    it = std::lower_bound(it, all.end(), value);
+    positions.push_back(static_cast<std::int32_t>(it - all.begin()));
+  }
+  return positions;
+}
+
 }  // namespace
 
 FaceGroups::FaceGroups(const ControlCage& cage)
@@ -42,25 +54,29 @@ FaceGroups::FaceGroups(const ControlCage& cage)
 }
 
 FaceGroup FaceGroups::make(std::size_t index) const {
+  const std::size_t begin = index * group_size_, end = std::min(faces_.size(), begin + group_size_);
   FaceGroup group;
-  const auto first = faces_.begin() + index * group_size_;
-  group.faces.assign(first, first + std::min<std::size_t>(group_size_, faces_.end() - first));
-  group.own_faces = static_cast<std::int32_t>(group.faces.size());
-  add_rim(group);
+  add_faces(group, {faces_.data() + begin, end - begin});
   add_topology(group);
   return group;
 }
 
 /// All faces around a refined one must be there. Chaikin's rule looks one edge farther for the
 /// sharpness, so there the neighbours are refined, too.
-void FaceGroups::add_rim(FaceGroup& group) const {
+void FaceGroups::add_faces(FaceGroup& group, std::span<const std::int32_t> own) const {
   std::vector<bool> taken(cage_.face_count());
-  for (const std::int32_t face : group.faces) taken[face] = true;
+  std::vector<std::int32_t> refined(own.begin(), own.end());
+  for (const std::int32_t face : own) taken[face] = true;
   const bool chaikin = cage_.creasing_method == CreasingMethod::chaikin;
-  if (chaikin) add_ring(cage_, topology_, group.faces, taken);
-  group.refined_faces = static_cast<std::int32_t>(group.faces.size());
+  if (chaikin) add_ring(cage_, topology_, refined, taken);
+  group.faces = refined;
   add_ring(cage_, topology_, group.faces, taken);
   if (chaikin) add_ring(cage_, topology_, group.faces, taken);
+
+  std::sort(group.faces.begin(), group.faces.end());
+  std::sort(refined.begin(), refined.end());
+  group.own_faces = positions_in(group.faces, own);
+  group.refined_faces = positions_in(group.faces, refined);
 }
 
 void FaceGroups::add_topology(FaceGroup& group) const {
@@ -69,15 +85,17 @@ void FaceGroups::add_topology(FaceGroup& group) const {
     for (std::int32_t c = topology_.face_offsets[face]; c < topology_.face_offsets[face + 1]; ++c)
       group.corners.push_back(c);
   }
-  std::vector<std::int32_t> local(cage_.points.size(), -1);
-  for (const std::int32_t corner : group.corners) {
-    const std::int32_t vertex = cage_.face_vertex_indices[corner];
-    if (local[vertex] < 0) {
-      local[vertex] = static_cast<std::int32_t>(group.vertices.size());
-      group.vertices.push_back(vertex);
-    }
-    group.face_vertex_indices.push_back(local[vertex]);
-  }
+  for (const std::int32_t corner : group.corners)
+    group.vertices.push_back(cage_.face_vertex_indices[corner]);
+  std::sort(group.vertices.begin(), group.vertices.end());
+  group.vertices.erase(std::unique(group.vertices.begin(), group.vertices.end()),
+                       group.vertices.end());
+
+  std::vector<std::int32_t> local(cage_.points.size());
+  for (std::size_t v = 0; v < group.vertices.size(); ++v)
+    local[group.vertices[v]] = static_cast<std::int32_t>(v);
+  for (const std::int32_t corner : group.corners)
+    group.face_vertex_indices.push_back(local[cage_.face_vertex_indices[corner]]);
   for (const std::int32_t vertex : group.vertices) {
     if (vertex_sharpness_[vertex] <= 0) continue;
     group.corner_indices.push_back(local[vertex]);

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "limitray/cage/cage.h"
@@ -14,13 +15,13 @@
 
 namespace limitray {
 
-/// A part of a cage with its own numbering of faces and vertices: first the faces of the group
-/// itself, then those of the rim.
+/// A part of a cage with its own numbering of faces and vertices. Their order is the cage's, so
+/// that OpenSubdiv adds up the same numbers in the same order in all groups.
 struct FaceGroup {
-  std::int32_t own_faces = 0;          // the first so many faces get patches
-  std::int32_t refined_faces = 0;      // the first so many are to be refined
-  std::vector<std::int32_t> faces;     // index in the cage, one a face of the group
-  std::vector<std::int32_t> vertices;  // index in the cage, one a vertex of the group
+  std::vector<std::int32_t> faces;          // index in the cage, one a face of the group
+  std::vector<std::int32_t> own_faces;      // into faces: those that get patches
+  std::vector<std::int32_t> refined_faces;  // into faces: those to be refined
+  std::vector<std::int32_t> vertices;       // index in the cage, one a vertex of the group
   std::vector<std::int32_t> face_vertex_counts, face_vertex_indices;
   std::vector<std::int32_t> corners;       // index in the cage, one a face corner of the group
   std::vector<std::int32_t> crease_pairs;  // two vertices a crease edge
@@ -41,7 +42,7 @@ class FaceGroups {
   FaceGroup make(std::size_t index) const;
 
  private:
-  void add_rim(FaceGroup& group) const;
+  void add_faces(FaceGroup& group, std::span<const std::int32_t> own) const;
   void add_topology(FaceGroup& group) const;
 
   const ControlCage& cage_;

@@ -14,7 +14,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -379,6 +378,10 @@ class RecipeBuilder {
   std::vector<float> sharpnesses_;  // of recipe_.creases
 };
 
+Far::ConstIndexArray far_array(const std::vector<std::int32_t>& indices) {
+  return {indices.data(), static_cast<int>(indices.size())};
+}
+
 /// Of the positions, or of `face_varying` unless null.
 PatchRecipe refine_group(const FaceGroup& group, const Primvar* face_varying,
                          const Sdc::Options& scheme, Levels levels) {
@@ -395,14 +398,11 @@ PatchRecipe refine_group(const FaceGroup& group, const Primvar* face_varying,
   Far::TopologyRefiner::AdaptiveOptions adaptive = options.GetRefineAdaptiveOptions();
   adaptive.SetSecondaryLevel(levels.smooth);
 
-  std::vector<int> faces(group.refined_faces);
-  std::iota(faces.begin(), faces.end(), 0);
   std::optional<GroupValues> values;
   if (face_varying) values.emplace(group, *face_varying);
   FarRefiner refiner = make_base(group, values ? &*values : nullptr, scheme);
-  refiner->RefineAdaptive(adaptive, {faces.data(), group.refined_faces});
-  FarTable table(
-      Far::PatchTableFactory::Create(*refiner, options, {faces.data(), group.own_faces}));
+  refiner->RefineAdaptive(adaptive, far_array(group.refined_faces));
+  FarTable table(Far::PatchTableFactory::Create(*refiner, options, far_array(group.own_faces)));
   const RefinedGroup refined{std::move(refiner), std::move(table), face_varying != nullptr};
   return RecipeBuilder(refined, group, values ? values->rows : group.vertices).build();
 }

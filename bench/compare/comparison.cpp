@@ -1,0 +1,199 @@
+#include "comparison.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <stdexcept>
+
+#include "limitray/cage/obj.h"
+#include "limitray/patches/refine.h"
+#include "limitray_tracer.h"
+#include "machine.h"
+#include "peers.h"
+
+namespace limitray::bench {
+namespace {
+
+using Report = std::function<void(const std::string&)>;
+
+struct NamedTracer {
+  std::string name;
+  std::unique_ptr<Tracer> tracer;
+};
+
+/// A set of rays with its answers in double.
+struct Question {
+  RaySet rays;
+  OracleHits truth;
+};
+
+std::vector<TracerPlan> plan_peers(const PeerInput& input, const std::vector<std::string>& wanted) {
+  std::vector<TracerPlan> plans;
+  for (int rate : {4, 8, 16, 32}) plans.push_back(plan_subdivision(input, rate));
+  for (int quads : {4, 8, 16}) plans.push_back(plan_triangles(input, quads));
+  plans.push_back(plan_user_geometry(input));
+  if (wanted.empty()) return plans;
+  std::erase_if(plans, [&](const TracerPlan& plan) {
+    return std::find(wanted.begin(), wanted.end(), plan.name) == wanted.end();
+  });
+  return plans;
+}
+
+Row skipped_row(const std::string& tracer, const std::string& rays, const std::string& reason) {
+  Row row;
+  row.tracer = tracer;
+  row.rays = rays;
+  row.skipped = reason;
+  return row;
+}
+
+/// Makes peers from plans[next] on until the memory is used up; moves `next` past them.
+class BatchMaker {
+ public:
+  BatchMaker(const std::vector<TracerPlan>& plans, std::size_t budget, const Report& report)
+      : plans_(plans), budget_(budget), report_(report) {}
+
+  bool done() const { return next_ == plans_.size(); }
+
+  std::vector<NamedTracer> make(std::vector<std::pair<std::string, std::string>>& skipped) {
+    std::vector<NamedTracer> batch;
+    std::size_t used = 0;
+    for (; !done(); ++next_) {
+      const TracerPlan& plan = plans_[next_];
+      if (plan.estimated_bytes > budget_) {
+        skipped.push_back({plan.name, "needs about " + megabytes(plan.estimated_bytes) + ", " +
+                                          megabytes(budget_) + " may be used"});
+        continue;
+      }
+      if (used + plan.estimated_bytes > budget_) break;
+      used += plan.estimated_bytes;
+      report_("building " + plan.name);
+      try {
+        batch.push_back({plan.name, plan.make()});
+      } catch (const std::runtime_error& error) {
+        skipped.push_back({plan.name, error.what()});
+      }
+    }
+    return batch;
+  }
+
+ private:
+  static std::string megabytes(std::size_t bytes) { return std::to_string(bytes >> 20) + " MiB"; }
+
+  const std::vector<TracerPlan>& plans_;
+  std::size_t budget_;
+  const Report& report_;
+  std::size_t next_ = 0;
+};
+
+Row measured_row(const NamedTracer& tracer, const RaySet& rays, const Timing& time,
+                 const Timing& limitray) {
+  Row row;
+  row.tracer = tracer.name;
+  row.rays = rays.name;
+  const double n = double(rays.size());
+  row.rays_per_second = n / time.median;
+  row.fastest = n / time.fastest;
+  row.slowest = n / time.slowest;
+  row.rays_per_processor_second = n / time.processor;
+  row.limitray_speedup = time.processor / limitray.processor;
+  row.build_seconds = tracer.tracer->build_seconds;
+  row.bytes = tracer.tracer->bytes;
+  return row;
+}
+
+/// Times `batch`, whose first tracer is limitray, and judges its hits.
+std::vector<Row> measure_batch(const std::vector<NamedTracer>& batch, Scene& scene,
+                               const Question& question, int rounds, const Report& report) {
+  std::vector<Tracer*> tracers;
+  for (const NamedTracer& t : batch) tracers.push_back(t.tracer.get());
+  const std::vector<Timing> times = measure_times(tracers, question.rays, rounds, [&](int done) {
+    report(question.rays.name + " rays, round " + std::to_string(done) + " of " +
+           std::to_string(rounds));
+  });
+  std::vector<Row> rows;
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    Row row = measured_row(batch[i], question.rays, times[i], times[0]);
+    HitBuffers hits(question.rays.size(), true);
+    scene.reset_statistics();
+    tracers[i]->trace(question.rays, hits);
+    row.statistics = scene.statistics();
+    row.accuracy = measure_accuracy(scene, question.rays, question.truth, hits);
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+std::vector<Question> make_questions(const Scene& scene, std::size_t rays, Comparison& result) {
+  std::vector<Question> questions;
+  const auto add = [&](RaySet set) {
+    OracleHits truth = ask_oracle(scene, set);
+    const auto hits =
+        std::count_if(truth.t.begin(), truth.t.end(), [](double t) { return std::isfinite(t); });
+    result.ray_counts.push_back(set.size());
+    result.hit_rates.push_back(set.size() ? double(hits) / double(set.size()) : 0);
+    questions.push_back({std::move(set), std::move(truth)});
+  };
+  add(primary_rays(scene, rays));
+  add(diffuse_rays(scene, questions[0].rays, questions[0].truth));
+  if (questions[1].rays.size() == 0)
+    throw std::runtime_error("the surface is empty: no ray meets it");
+  return questions;
+}
+
+/// Puts limitray's own tracers in front of a batch; returns how many.
+std::size_t add_limitray(std::vector<NamedTracer>& batch, const Scene& scene) {
+  std::vector<NamedTracer> all;
+  all.push_back({"limitray", std::make_unique<LimitrayTracer>(scene, false)});
+  all.push_back({"limitray-normals", std::make_unique<LimitrayTracer>(scene, true)});
+  const std::size_t own = all.size();
+  std::move(batch.begin(), batch.end(), std::back_inserter(all));
+  batch = std::move(all);
+  return own;
+}
+
+/// limitray's rows come from the first batch alone.
+void add_rows(Comparison& result, std::vector<Row> rows, bool first_batch, std::size_t own) {
+  rows.erase(rows.begin(), rows.begin() + std::ptrdiff_t(first_batch ? 0 : own));
+  result.rows.insert(result.rows.end(), rows.begin(), rows.end());
+}
+
+}  // namespace
+
+Comparison compare(const Options& options, const Report& report) {
+  Comparison result;
+  const ControlCage cage = read_obj(options.model);
+  result.faces = cage.face_count();
+  tbb::task_arena arena(options.threads ? options.threads : int(tbb::task_arena::automatic));
+  result.threads = arena.max_concurrency();
+
+  report("building limitray");
+  Scene scene(options.threads);
+  scene.add_mesh(cage, {options.isolation_level});
+  result.mesh = scene.mesh_statistics(0);
+  report("asking the oracle");
+  const std::vector<Question> questions = make_questions(scene, options.rays, result);
+
+  const PatchBuffer<double> patches =
+      Refiner(cage, {options.isolation_level}).make_patches(cage.points);
+  const PeerInput input{arena, options.robust, cage, patches, options.isolation_level};
+  const std::vector<TracerPlan> plans = plan_peers(input, options.tracers);
+  BatchMaker batches(plans, available_memory() / 2, report);
+  bool first = true;
+  do {
+    std::vector<std::pair<std::string, std::string>> skipped;
+    std::vector<NamedTracer> batch = batches.make(skipped);
+    const std::size_t own = add_limitray(batch, scene);
+    for (const Question& question : questions) {
+      add_rows(result, measure_batch(batch, scene, question, options.rounds, report), first, own);
+      for (const auto& [name, reason] : skipped)
+        result.rows.push_back(skipped_row(name, question.rays.name, reason));
+    }
+    first = false;
+  } while (!batches.done());
+  return result;
+}
+
+}  // namespace limitray::bench

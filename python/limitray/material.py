@@ -1,0 +1,142 @@
+"""Materials: the base colour of surfaces, from a constant, a primvar or an image texture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limitray.texture import Texture
+
+if TYPE_CHECKING:
+    from limitray.scene import Scene
+
+Array = NDArray[np.float64]
+
+CLAY = (0.70, 0.61, 0.535)
+"""Linear base colour of surfaces without a material."""
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """The base colour of a surface.
+
+    Parameters
+    ----------
+    base_color : (3,)
+        Linear colour where neither of the following gives one.
+    texture : Texture, optional
+        An image, looked up at the primvar `texture_primvar`.
+    texture_primvar : str
+        Primvar with the texture coordinates (two components).
+    color_primvar : str, optional
+        Primvar with linear colours (three components); a texture goes before it.
+    """
+
+    base_color: tuple[float, float, float] = CLAY
+    texture: Texture | None = None
+    texture_primvar: str = "st"
+    color_primvar: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialSet:
+    """The materials of one mesh: `faces` names one for each face; None: the first for all."""
+
+    materials: tuple[Material, ...] = (Material(),)
+    faces: NDArray[np.intp] | None = None
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """How far apart the rays of neighbouring pixels hit: differences of the points (n, 3)."""
+
+    d_dx: Array
+    d_dy: Array
+
+    @classmethod
+    def of_rays(
+        cls, hits: dict[str, NDArray[Any]], directions: Array, d_dx: Array, d_dy: Array
+    ) -> Footprint:
+        """Where rays from one eye hit the tangent planes of the hits of `directions` (n, 3).
+
+        `d_dx` and `d_dy` (3,) are the differences of the directions of neighbouring pixels (ray
+        differentials: Igehy 1999, "Tracing Ray Differentials").
+        """
+        normals = hits["primitive_normals"].astype(np.float64)
+        t = hits["t_hit"].astype(np.float64)[:, np.newaxis]
+        facing = (directions * normals).sum(axis=1, keepdims=True)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            moved = [
+                t * (d - directions * ((d * normals).sum(axis=1, keepdims=True) / facing))
+                for d in (d_dx, d_dy)
+            ]
+        return cls(*(np.nan_to_num(m, nan=0.0, posinf=0.0, neginf=0.0) for m in moved))
+
+    def parameters(self, hits: dict[str, NDArray[Any]]) -> tuple[Array, Array]:
+        """The same as differences of (u, v), each (n, 2): least squares on dp_du and dp_dv."""
+        p_u, p_v = (hits[name].astype(np.float64) for name in ("dp_du", "dp_dv"))
+        uu, uv, vv = ((a * b).sum(axis=1) for a, b in ((p_u, p_u), (p_u, p_v), (p_v, p_v)))
+        determinant = uu * vv - uv * uv
+        safe = np.where(determinant > 0, determinant, np.inf)
+        found = []
+        for moved in (self.d_dx, self.d_dy):
+            a, b = (p_u * moved).sum(axis=1), (p_v * moved).sum(axis=1)
+            found.append(np.stack([(vv * a - uv * b) / safe, (uu * b - uv * a) / safe], axis=1))
+        return found[0], found[1]
+
+
+BASE_COLOR_ATTRIBUTES = ("sub_quads", "dp_du", "dp_dv")
+"""What `base_colors` wants of `Scene.cast_rays` besides its usual answers."""
+
+
+def base_colors(
+    scene: Scene, hits: dict[str, NDArray[Any]], footprint: Footprint | None = None
+) -> Array:
+    """Linear base colours (n, 3) at hits of the scene.
+
+    `hits` are answers of `Scene.cast_rays` with BASE_COLOR_ATTRIBUTES, without misses, one row
+    each. Without a footprint textures are not filtered.
+    """
+    colours = np.empty((len(hits["t_hit"]), 3))
+    sets = scene.material_sets(hits["geometry_ids"])
+    for material_set, rows in sets:
+        of_face = np.zeros(len(rows), np.intp)
+        if material_set.faces is not None:
+            of_face = material_set.faces[hits["primitive_ids"][rows]]
+        for index in np.unique(of_face):
+            here = rows[of_face == index]
+            part = {name: values[here] for name, values in hits.items()}
+            spread = footprint and Footprint(footprint.d_dx[here], footprint.d_dy[here])
+            colours[here] = _colors(scene, material_set.materials[index], part, spread)
+    return colours
+
+
+def _colors(
+    scene: Scene, material: Material, hits: dict[str, NDArray[Any]], footprint: Footprint | None
+) -> Array:
+    colours = np.broadcast_to(material.base_color, (len(hits["t_hit"]), 3))
+    if material.texture is not None:
+        st, d_du, d_dv = _primvar(scene, material.texture_primvar, hits, 2)
+        spread: list[Any] = [0.0, 0.0]
+        if footprint is not None:
+            spread = [d_du * d[:, :1] + d_dv * d[:, 1:] for d in footprint.parameters(hits)]
+        found = material.texture.sample(np.nan_to_num(st), *np.nan_to_num(spread))
+        return np.where(np.isfinite(st).all(axis=1, keepdims=True), found, colours)
+    if material.color_primvar is not None:
+        values = _primvar(scene, material.color_primvar, hits, 3)[0]
+        return np.where(np.isfinite(values), values, colours)
+    return np.asarray(colours)
+
+
+def _primvar(
+    scene: Scene, name: str, hits: dict[str, NDArray[Any]], width: int
+) -> tuple[Array, Array, Array]:
+    """Values and derivatives (n, width) of a primvar; NaN where there is none such."""
+    names = ("geometry_ids", "primitive_ids", "sub_quads", "primitive_uvs")
+    if scene.primvar_width(name) != width:
+        nothing = np.full((len(hits["t_hit"]), width), np.nan)
+        return nothing, nothing, nothing
+    return scene.evaluate_primvar(name, *(hits[key] for key in names))

@@ -1,0 +1,224 @@
+"""USD stages as scenes: which meshes there are, where they stand, and how often."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limitray.camera import Camera, Vector
+from limitray.mesh import USD_SUFFIXES, Mesh
+from limitray.scene import Scene
+from limitray.usd.material import MaterialReader
+from limitray.usd.mesh import read_mesh
+from limitray.usd.walk import Walk
+
+if TYPE_CHECKING:
+    from pxr import Usd
+
+PURPOSES = ("default", "render")
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What a USD stage says besides its surfaces.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    time : float or None
+        The time code it was read at; None: the earliest of each value, where the stage names none.
+    meters_per_unit : float
+        Length of a unit. Points are as in the file.
+    up : (3,)
+        The up axis.
+    cameras : dict of str to Camera
+        The cameras by path, in the order of the stage.
+    paths : tuple of str
+        The path of each geometry id's mesh.
+    notes : tuple of str
+        What was left out or repaired.
+    """
+
+    path: Path
+    time: float | None
+    meters_per_unit: float
+    up: Vector
+    cameras: dict[str, Camera]
+    paths: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def load_scene(
+    path: str | os.PathLike[str],
+    time: float | None = None,
+    *,
+    isolation_level: int | None = None,
+    purposes: Sequence[str] = PURPOSES,
+    device: str = "cpu",
+    threads: int = 0,
+) -> Scene:
+    """Reads all meshes of a USD stage, with their transforms, materials and instances.
+
+    Parameters
+    ----------
+    path : path
+        A .usd, .usda, .usdc or .usdz file.
+    time : float, optional
+        Time code of points and transforms; the stage's start unless given.
+    isolation_level : int, optional
+        As in `Scene.add_mesh`.
+    purposes : sequence of str
+        Purposes to take: "default", "render", "proxy", "guide".
+    device, threads
+        As in `Scene`.
+
+    Returns
+    -------
+    Scene
+        Its attribute `stage` (a `Stage`) has the cameras, the up axis, the unit, the path of each
+        geometry id, and notes on what was left out. Point instancers and native instances are
+        instances: their patches exist once.
+
+    Raises
+    ------
+    OSError
+        The file cannot be opened.
+    ValueError
+        It is no USD file, usd-core is not installed, or it has meshes and none can be traced.
+    """
+    usd_stage = open_stage(path)
+    code = _time_code(usd_stage, time)
+    walk = Walk(usd_stage, code, tuple(purposes))
+    scene = Scene(device, threads)
+    materials = MaterialReader(code)
+    notes: list[str] = []
+    paths: list[str] = []
+    for prim, placements in walk.meshes():
+        try:
+            mesh, found = read_mesh(prim, code)
+            notes += found
+            paths += _add(scene, prim, mesh, placements, isolation_level, materials)
+        except ValueError as error:
+            notes.append(f"left out: {error}")
+    if notes and not paths:
+        raise ValueError(f"{path}: no mesh can be traced: {notes[0]}")
+    from pxr import UsdGeom
+
+    scene.stage = Stage(
+        path=Path(path),
+        time=None if code.IsEarliestTime() else float(code.GetValue()),
+        meters_per_unit=float(UsdGeom.GetStageMetersPerUnit(usd_stage)),
+        up=(0.0, 0.0, 1.0) if UsdGeom.GetStageUpAxis(usd_stage) == "Z" else (0.0, 1.0, 0.0),
+        cameras=walk.cameras(),
+        paths=tuple(paths),
+        notes=tuple(dict.fromkeys((*notes, *materials.notes, *walk.notes))),
+    )
+    return scene
+
+
+def mesh_from_usd(
+    path: str | os.PathLike[str], prim: str | None = None, time: float | None = None
+) -> Mesh:
+    """The cage of one mesh of a USD file, without its transform.
+
+    Parameters
+    ----------
+    path : path
+        A .usd, .usda, .usdc or .usdz file.
+    prim : str, optional
+        Path of the mesh; may be left out if there is only one.
+    time : float, optional
+        Time code of the points; the stage's start unless given.
+
+    Raises
+    ------
+    OSError
+        The file cannot be opened.
+    ValueError
+        There is no such mesh, or several and none was chosen; or the mesh is not valid.
+    """
+    from pxr import Usd, UsdGeom
+
+    stage = open_stage(path)
+    if prim is None:
+        meshes = [p for p in stage.Traverse(Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
+        if len(meshes) != 1:
+            names = ", ".join(str(p.GetPath()) for p in meshes[:8]) + (", ..." * (len(meshes) > 8))
+            raise ValueError(f"{path}: prim must name one of {len(meshes)} meshes: {names or '-'}")
+        found = meshes[0]
+    else:
+        valid = prim.startswith("/")
+        found = stage.GetPrimAtPath(prim) if valid else Usd.Prim()
+        if not found or not found.IsA(UsdGeom.Mesh):
+            raise ValueError(f"{path}: prim {prim} is no mesh of this file")
+    try:
+        return read_mesh(found, _time_code(stage, time))[0]
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
+    """Opens a file as a stage; raises OSError or ValueError."""
+    path = Path(path)
+    if path.suffix.lower() not in USD_SUFFIXES:
+        raise ValueError(f'{path}: a USD file ends in {", ".join(USD_SUFFIXES)}, not "{path.suffix}"')
+    with path.open("rb"):
+        pass
+    try:
+        from pxr import Tf, Usd
+    except ImportError:
+        raise ValueError(
+            f"{path}: USD files need usd-core: install limitray[usd] (pip install usd-core)"
+        ) from None
+    try:
+        return Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        reason = str(error).strip().splitlines()[-1].strip()
+        raise ValueError(f"{path}: cannot be read as USD: {reason}") from None
+
+
+def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
+    """`time`; without it the start of the stage, or its earliest sample."""
+    from pxr import Usd
+
+    if time is not None:
+        if not np.isfinite(time):
+            raise ValueError(f"time must be finite, not {time}")
+        return Usd.TimeCode(float(time))
+    if stage.HasAuthoredTimeCodeRange():
+        return Usd.TimeCode(stage.GetStartTimeCode())
+    return Usd.TimeCode.EarliestTime()
+
+
+def _add(
+    scene: Scene,
+    prim: Usd.Prim,
+    mesh: Mesh,
+    placements: NDArray[np.float64],
+    isolation_level: int | None,
+    materials: MaterialReader,
+) -> list[str]:
+    """Adds a mesh with all its placements (n, 4, 4); returns a path for each geometry id."""
+    invertible = np.abs(np.linalg.det(placements[:, :3, :3])) > 0
+    if not invertible.all():
+        materials.notes.append(
+            f"{prim.GetPath()}: {int((~invertible).sum())} placements left out: scaled to nothing"
+        )
+    chosen: Any = placements[invertible]
+    if not len(chosen):
+        return []
+    first = scene.add_mesh(mesh, isolation_level, chosen[0])
+    bound = materials.read(prim, mesh)
+    if bound is not None:
+        scene.set_material(first, *bound)
+    for transform in chosen[1:]:
+        scene.add_instance(first, transform)
+    return [str(prim.GetPath())] * len(chosen)

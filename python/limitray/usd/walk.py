@@ -1,0 +1,169 @@
+"""Which meshes of a USD stage are seen, and all the places where they stand."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limitray.camera import Camera
+
+if TYPE_CHECKING:
+    from pxr import Usd, UsdGeom
+
+Matrices = NDArray[np.float64]
+
+
+@dataclass
+class _Placed:
+    """One mesh of the file: a prim that stands for it, and its world matrices (n, 4, 4)."""
+
+    prim: Usd.Prim
+    matrices: list[Matrices] = field(default_factory=list)
+
+
+class Walk:
+    """A walk over a stage at one time.
+
+    Meshes are counted by what defines them: the instances of a prototype are one mesh. Only meshes
+    and instancers are taken; `notes` tells how many other shapes there are.
+    """
+
+    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...]) -> None:
+        from pxr import UsdGeom
+
+        self._stage = stage
+        self._time = time
+        self._purposes = purposes
+        self._transforms = UsdGeom.XformCache(time)
+        self._placed: dict[str, _Placed] = {}
+        self._others: Counter[str] = Counter()
+        self.notes: list[str] = []
+
+    def meshes(self) -> Iterator[tuple[Usd.Prim, Matrices]]:
+        """Each mesh with the world matrices (n, 4, 4) of its placements; n is at least 1."""
+        self._visit(self._stage.GetPseudoRoot(), np.eye(4)[np.newaxis], prototype=False)
+        self.notes += [
+            f"{count} {kind} prims left out: they are no meshes"
+            for kind, count in sorted(self._others.items())
+        ]
+        for placed in self._placed.values():
+            yield placed.prim, np.concatenate(placed.matrices)
+
+    def cameras(self) -> dict[str, Camera]:
+        """Perspective cameras by path."""
+        from pxr import Usd, UsdGeom
+
+        found = {}
+        for prim in self._stage.Traverse(Usd.TraverseInstanceProxies()):
+            if prim.IsA(UsdGeom.Camera):
+                camera = _camera(UsdGeom.Camera(prim), self._time)
+                if camera is None:
+                    self.notes.append(f"{prim.GetPath()}: left out: not a perspective camera")
+                else:
+                    found[str(prim.GetPath())] = camera
+        return found
+
+    def _visit(self, root: Usd.Prim, parents: Matrices, prototype: bool) -> None:
+        """Collects what lies under `root`; `parents` (n, 4, 4) place its space in the world.
+
+        A prototype of an instancer may be a mere `over`, and is seen whatever its parents say.
+        """
+        from pxr import Usd, UsdGeom
+
+        active = Usd.PrimIsActive & Usd.PrimIsLoaded
+        predicate = active if prototype else active & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
+        walk = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies(predicate)))
+        for prim in walk:
+            imageable = UsdGeom.Imageable(prim)
+            if not imageable:
+                continue
+            if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
+                walk.PruneChildren()
+            elif prim.IsA(UsdGeom.PointInstancer):
+                walk.PruneChildren()
+                if imageable.ComputePurpose() in self._purposes:
+                    self._instancer(UsdGeom.PointInstancer(prim), root, parents, prototype)
+            elif prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() in self._purposes:
+                if prim.IsA(UsdGeom.Mesh):
+                    self._place(prim, parents @ self._matrix(prim, root, prototype))
+                else:
+                    self._others[str(prim.GetTypeName())] += 1
+
+    def _matrix(self, prim: Usd.Prim, root: Usd.Prim, prototype: bool) -> Matrices:
+        """From the space of `prim` to the world, or to that of the prototype `root`."""
+        if not prototype:
+            return _column_matrix(self._transforms.GetLocalToWorldTransform(prim))
+        if prim == root:
+            return np.eye(4)
+        return _column_matrix(self._transforms.ComputeRelativeTransform(prim, root)[0])
+
+    def _place(self, prim: Usd.Prim, matrices: Matrices) -> None:
+        shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        placed = self._placed.setdefault(str(shared.GetPath()), _Placed(prim))
+        placed.matrices.append(matrices)
+
+    def _instancer(
+        self, instancer: UsdGeom.PointInstancer, root: Usd.Prim, parents: Matrices, prototype: bool
+    ) -> None:
+        """Visits each prototype once, with the matrices of all its instances."""
+        from pxr import UsdGeom
+
+        prim = instancer.GetPrim()
+        kinds = np.array(instancer.GetProtoIndicesAttr().Get(self._time) or [], np.int64)
+        roots = [self._stage.GetPrimAtPath(p) for p in _prototypes(prim, instancer)]
+        if not len(kinds) or kinds.min() < 0 or kinds.max() >= len(roots):
+            self.notes.append(f"{prim.GetPath()}: left out: its protoIndices fit no prototypes")
+            return
+        found = instancer.ComputeInstanceTransformsAtTime(
+            self._time,
+            self._time,
+            UsdGeom.PointInstancer.IncludeProtoXform,
+            UsdGeom.PointInstancer.IgnoreMask,
+        )
+        if len(found) != len(kinds):
+            self.notes.append(f"{prim.GetPath()}: left out: not one position an instance")
+            return
+        mask = np.array(instancer.ComputeMaskAtTime(self._time) or [True] * len(kinds), bool)
+        local = self._matrix(prim, root, prototype) @ np.array(found).transpose(0, 2, 1)
+        for kind, prototype_root in enumerate(roots):
+            matrices = local[(kinds == kind) & mask]
+            if prototype_root and len(matrices):
+                world = (parents[:, np.newaxis] @ matrices).reshape(-1, 4, 4)
+                self._visit(prototype_root, world, prototype=True)
+
+
+def _prototypes(prim: Usd.Prim, instancer: UsdGeom.PointInstancer) -> list[Any]:
+    """Paths of an instancer's prototypes; those of an instance proxy lie beside it."""
+    paths = list(instancer.GetPrototypesRel().GetForwardedTargets())
+    if not prim.IsInstanceProxy():
+        return paths
+    shared = prim.GetPrimInPrototype().GetPath()
+    return [path.ReplacePrefix(shared, prim.GetPath()) for path in paths]
+
+
+def _column_matrix(matrix: Any) -> Matrices:
+    """USD's row-vector matrix as one that acts on column vectors."""
+    return np.array(matrix).T
+
+
+def _camera(camera: UsdGeom.Camera, time: Usd.TimeCode) -> Camera | None:
+    """A pinhole camera; None unless it is a perspective one."""
+    from pxr import Gf
+
+    lens = camera.GetCamera(time)
+    fov = lens.GetFieldOfView(Gf.Camera.FOVHorizontal)
+    if lens.projection != Gf.Camera.Perspective or not 0 < fov < 180:
+        return None
+    rows = np.array(lens.transform)
+    eye, up, backward = rows[3, :3], rows[1, :3], rows[2, :3]
+    distance = lens.focusDistance if lens.focusDistance > 0 else 1.0
+    center = eye - distance * backward / np.linalg.norm(backward)
+    ex, ey, ez = eye.tolist()
+    cx, cy, cz = center.tolist()
+    ux, uy, uz = up.tolist()
+    return Camera((ex, ey, ez), (cx, cy, cz), (ux, uy, uz), float(fov))

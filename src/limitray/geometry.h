@@ -1,0 +1,126 @@
+// Stage: scene, inside. One mesh of a scene: its cage, patches and tree, and how the kernels see it.
+#pragma once
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "limitray/bvh/bounds.h"
+#include "limitray/cage/cage.h"
+#include "limitray/intersect/kernels.h"
+#include "limitray/patches/primvar_surface.h"
+#include "limitray/patches/refine.h"
+
+namespace limitray {
+
+template <class T>
+const PatchBump<T>* bump_of(const PatchBuffer<T>& p, std::size_t i) {
+  const std::uint32_t b = p.infos[i].bump;
+  return b == no_bump ? nullptr : &p.bumps[b];
+}
+
+/// Calls f(i) for i below n, in parallel.
+template <class F>
+void for_each_index(std::size_t n, const F& f) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 256), [&](const auto& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
+  });
+}
+
+/// `patches` rounded, in the order of the tree's leaves, with their models.
+template <class T>
+PatchBuffer<T> patches_to_trace(const PatchBuffer<double>& patches,
+                                std::span<const std::uint32_t> order) {
+  PatchBuffer<T> p = round_patches<T>(patches, order);
+  p.models.resize(p.size());
+  for_each_index(p.size(), [&](std::size_t i) {
+    if constexpr (std::is_same_v<T, float>)
+      p.models[i] = kernels().patch_model_f(p.nets[i], bump_of(p, i));
+    else
+      p.models[i] = kernels().patch_model_d(p.nets[i], bump_of(p, i));
+  });
+  return p;
+}
+
+/// One mesh: its cage, its patches in the order of the tree's leaves, its tree.
+struct Geometry {
+  ControlCage cage;
+  RefineOptions options;
+  Refiner refiner;
+  PatchBuffer<float> patches;
+  Bvh bvh;
+  double build_seconds = 0;
+
+  // The double path's patches, made when first asked for.
+  mutable std::mutex mutex;
+  mutable PatchBuffer<double> patches_double;
+  // So are its primvars.
+  mutable std::map<std::string, std::unique_ptr<PrimvarSurface>> primvars;
+
+  Geometry(ControlCage c, const RefineOptions& o)
+      : cage(std::move(c)), options(o), refiner(cage, options) {}
+
+  const PatchBuffer<double>& in_double() const {
+    const std::lock_guard lock(mutex);
+    if (patches_double.size() != patches.size())
+      patches_double = patches_to_trace<double>(refiner.make_patches(cage.points), bvh.order);
+    return patches_double;
+  }
+
+  /// Null if the cage has no such primvar.
+  const Primvar* find_primvar(const std::string& name) const {
+    const auto it = std::find_if(cage.primvars.begin(), cage.primvars.end(),
+                                 [&](const Primvar& p) { return p.name == name; });
+    return it == cage.primvars.end() ? nullptr : &*it;
+  }
+  /// The same as a surface, made at the first call.
+  const PrimvarSurface* surface_of(const std::string& name) const {
+    const Primvar* primvar = find_primvar(name);
+    if (!primvar) return nullptr;
+    const std::lock_guard lock(mutex);
+    std::unique_ptr<PrimvarSurface>& surface = primvars[name];
+    if (!surface) surface = std::make_unique<PrimvarSurface>(cage, *primvar, refiner, options);
+    return surface.get();
+  }
+};
+
+/// The extent of a tree and of the control values of its patches.
+inline Extent extent_of(const Box& bounds, const Vec3d& center, double radius) {
+  Extent e{center, {}, radius};
+  for (int i = 0; i < 3; ++i) {
+    e.half[i] = std::max(double(-bounds.lo[i]), double(bounds.hi[i])) + 1e-7 * radius;
+    e.radius = std::max(e.radius, e.half[i]);
+  }
+  return e;
+}
+
+template <class T>
+GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
+  return {p.nets.data(),
+          p.bumps.data(),
+          p.infos.data(),
+          p.models.data(),
+          g.bvh.order.data(),
+          g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
+          extent_of(g.bvh.bounds, p.origin, g.patches.radius),
+          g.cage.orientation == Orientation::left_handed};
+}
+
+inline std::vector<Box> boxes_of(const PatchBuffer<float>& p) {
+  std::vector<Box> boxes(p.size());
+  const float padding = box_padding(p.radius);
+  for_each_index(p.size(), [&](std::size_t i) {
+    boxes[i] = kernels().patch_bounds(p.nets[i], bump_of(p, i), padding);
+  });
+  return boxes;
+}
+
+}  // namespace limitray

@@ -1,0 +1,65 @@
+"""The scripts of examples/ run, and the gallery's text names what they make."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+from shapes import REPOSITORY
+
+EXAMPLES = REPOSITORY / "examples"
+GALLERY = REPOSITORY / "docs/gallery"
+PICTURES = sorted(path.stem for path in GALLERY.glob("*.png"))
+
+
+def run(name, *arguments):
+    """What an example prints."""
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / name, *arguments], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_example_is_tested():
+    tested = {"first_picture.py", "exact_hits.py", "gallery.py", "models.py"}
+    assert {path.name for path in EXAMPLES.glob("*.py")} == tested
+
+
+def test_first_picture(tmp_path):
+    run("first_picture.py", tmp_path / "cube.png")
+    with Image.open(tmp_path / "cube.png") as picture:
+        assert picture.size == (320, 240)
+        assert np.asarray(picture).std() > 10
+
+
+def test_exact_hits():
+    lines = run("exact_hits.py").splitlines()
+    assert len(lines) == 2
+    for line, bound in zip(lines, (1e-6, 1e-14), strict=True):
+        assert float(re.search(r"at most (\S+) from the limit", line)[1]) < bound
+
+
+def test_gallery(tmp_path):
+    run("gallery.py", "--scale", "0.06", "--spp", "1", "--output", tmp_path)
+    assert sorted(path.stem for path in tmp_path.iterdir()) == PICTURES
+
+
+def test_gallery_refuses_unknown_names():
+    done = subprocess.run(
+        [sys.executable, EXAMPLES / "gallery.py", "teapot"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert '"teapot" is not one of demo, gear' in done.stderr
+
+
+@pytest.mark.parametrize("name", PICTURES)
+def test_the_gallery_shows_its_pictures_and_their_commands(name):
+    text = (GALLERY / "README.md").read_text()
+    assert f"({name}.png)" in text
+    assert f"python examples/gallery.py {name}" in text
+    with Image.open(GALLERY / f"{name}.png") as picture:
+        assert max(picture.size) <= 1200
+        assert np.asarray(picture.convert("L")).std() > 10
