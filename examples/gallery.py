@@ -85,7 +85,7 @@ def pair(
 def demo_picture(quality: Quality) -> Pixels:
     """The cage that scripts/demo renders."""
     scene = scene_of(lr.Mesh.from_file(REPOSITORY / "tests/cages/demo.obj"))
-    camera = lr.Camera.frame(scene, 4 / 3, azimuth_deg=38, up=(0, 0, 1))
+    camera = lr.Camera.frame(scene, 4 / 3, azimuth_deg=7, elevation_deg=20, up=(0, 0, 1))
     return clay(scene, camera, quality.size(800, 600), quality.spp)
 
 
@@ -100,9 +100,9 @@ def gear_picture(quality: Quality) -> Pixels:
 def octopus_picture(quality: Quality) -> Pixels:
     """A grown shape: 680 points."""
     scene = scene_of(octopus())
-    camera = lr.Camera.frame(scene, 4 / 3, azimuth_deg=-24, elevation_deg=20)
+    camera = lr.Camera.frame(scene, 5 / 3, azimuth_deg=-24, elevation_deg=20)
     add_floor(scene)
-    return clay(scene, camera, quality.size(800, 600), quality.spp)
+    return clay(scene, camera, quality.size(800, 480), quality.spp)
 
 
 def extraordinary_picture(quality: Quality) -> Pixels:
@@ -160,7 +160,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(PICTURES))
     parser.add_argument("--scale", type=float, default=1.0, help="factor on the sizes")
-    parser.add_argument("--spp", type=int, default=64, help="samples a pixel")
+    parser.add_argument("--spp", type=int, default=36, help="samples a pixel")
     parser.add_argument("--output", type=Path, default=REPOSITORY / "docs/gallery")
     arguments = parser.parse_args()
     for name in arguments.names:

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <optional>
 #include <stdexcept>
 
 #include "limitray/cage/obj.h"
@@ -94,12 +95,12 @@ Row measured_row(const NamedTracer& tracer, const RaySet& rays, const Timing& ti
   row.tracer = tracer.name;
   row.rays = rays.name;
   const double n = double(rays.size());
-  row.rays_per_second = n / time.median;
+  row.rays_per_second = n / time.median.wall;
   row.fastest = n / time.fastest;
   row.slowest = n / time.slowest;
-  row.rays_per_processor_second = n / time.processor;
-  row.limitray_speedup = time.processor / limitray.processor;
-  row.build_seconds = tracer.tracer->build_seconds;
+  row.rays_per_processor_second = n / time.median.processor;
+  row.limitray_speedup = time.median.processor / limitray.median.processor;
+  row.build = tracer.tracer->build;
   row.bytes = tracer.tracer->bytes;
   return row;
 }
@@ -143,11 +144,31 @@ std::vector<Question> make_questions(const Scene& scene, std::size_t rays, Compa
   return questions;
 }
 
+/// The same mesh on all threads, and, where these are several, on one.
+struct OwnScenes {
+  Scene scene;
+  std::optional<Scene> single;
+  BuildTimes times;
+
+  OwnScenes(const ControlCage& cage, const Options& o, int threads)
+      : scene(o.threads), times(measure_build(cage, o.isolation_level, o.threads)) {
+    scene.add_mesh(cage, {o.isolation_level});
+    if (threads == 1) return;
+    single.emplace(1);
+    single->add_mesh(cage, {o.isolation_level});
+  }
+};
+
 /// Puts limitray's own tracers in front of a batch; returns how many.
-std::size_t add_limitray(std::vector<NamedTracer>& batch, const Scene& scene) {
+std::size_t add_limitray(std::vector<NamedTracer>& batch, const OwnScenes& own_scenes) {
+  const Scene& scene = own_scenes.scene;
+  const Seconds& build = own_scenes.times.build;
   std::vector<NamedTracer> all;
-  all.push_back({"limitray", std::make_unique<LimitrayTracer>(scene, false)});
-  all.push_back({"limitray-normals", std::make_unique<LimitrayTracer>(scene, true)});
+  all.push_back({"limitray", std::make_unique<LimitrayTracer>(scene, build, false)});
+  all.push_back({"limitray-normals", std::make_unique<LimitrayTracer>(scene, build, true)});
+  if (own_scenes.single)
+    all.push_back(
+        {"limitray-1-thread", std::make_unique<LimitrayTracer>(*own_scenes.single, build, false)});
   const std::size_t own = all.size();
   std::move(batch.begin(), batch.end(), std::back_inserter(all));
   batch = std::move(all);
@@ -170,9 +191,10 @@ Comparison compare(const Options& options, const Report& report) {
   result.threads = arena.max_concurrency();
 
   report("building limitray");
-  Scene scene(options.threads);
-  scene.add_mesh(cage, {options.isolation_level});
+  OwnScenes own_scenes(cage, options, result.threads);
+  Scene& scene = own_scenes.scene;
   result.mesh = scene.mesh_statistics(0);
+  result.build_times = own_scenes.times;
   report("asking the oracle");
   const std::vector<Question> questions = make_questions(scene, options.rays, result);
 
@@ -185,7 +207,7 @@ Comparison compare(const Options& options, const Report& report) {
   do {
     std::vector<std::pair<std::string, std::string>> skipped;
     std::vector<NamedTracer> batch = batches.make(skipped);
-    const std::size_t own = add_limitray(batch, scene);
+    const std::size_t own = add_limitray(batch, own_scenes);
     for (const Question& question : questions) {
       add_rows(result, measure_batch(batch, scene, question, options.rounds, report), first, own);
       for (const auto& [name, reason] : skipped)

@@ -9,6 +9,7 @@
 #include "limitray/scene.h"
 #include "measure.h"
 #include "options.h"
+#include "updates.h"
 
 namespace limitray::bench {
 
@@ -19,7 +20,7 @@ struct Row {
   double rays_per_second = 0, fastest = 0, slowest = 0;
   double rays_per_processor_second = 0;
   double limitray_speedup = 0;  // processor time over limitray's in the same rounds
-  double build_seconds = 0;
+  Seconds build;
   std::size_t bytes = 0;
   Accuracy accuracy;
   Statistics statistics;  // of limitray alone: the work of one pass
@@ -28,6 +29,7 @@ struct Row {
 struct Comparison {
   std::vector<Row> rows;
   MeshStatistics mesh;
+  BuildTimes build_times;
   std::size_t faces = 0;
   int threads = 1;
   std::vector<std::size_t> ray_counts;  // primary, diffuse

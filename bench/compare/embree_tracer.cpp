@@ -8,7 +8,6 @@
 #include <xmmintrin.h>
 #endif
 
-#include <chrono>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -54,9 +53,9 @@ EmbreeTracer::EmbreeTracer(tbb::task_arena& arena, bool robust,
   fill(device_.get(), scene_.get());
   throw_on_error(device_.get());
 
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   arena_.execute([&] { rtcJoinCommitScene(scene_.get()); });
-  build_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  build = watch.read();
   throw_on_error(device_.get());
   bytes = static_cast<std::size_t>(allocated_.load());
 }

@@ -10,7 +10,7 @@ namespace limitray::bench {
 /// measures errors: a second row that shows its price.
 class LimitrayTracer : public Tracer {
  public:
-  LimitrayTracer(const Scene& scene, bool with_normal);
+  LimitrayTracer(const Scene& scene, const Seconds& build_time, bool with_normal);
   void trace(const RaySet& rays, HitBuffers& hits) override;
 
  private:

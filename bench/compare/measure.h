@@ -9,11 +9,11 @@
 
 namespace limitray::bench {
 
-/// Seconds that `tracers[i]` took for all rays: median, least and greatest over the rounds, and the
-/// median of the processor time of all threads, which does not count the neighbours of a shared
-/// machine.
+/// What `tracers[i]` took for all rays: the median, and the least and greatest wall-clock seconds
+/// of a round.
 struct Timing {
-  double median = 0, fastest = 0, slowest = 0, processor = 0;
+  Seconds median;
+  double fastest = 0, slowest = 0;
 };
 
 /// One untimed pass each, then `rounds` rounds, each starting with another tracer.

@@ -12,13 +12,14 @@ class UserGeometryTracer : public Tracer {
       : surface_(input.cage, input.isolation_level),
         tracer_(input.arena, input.robust,
                 [this](RTCDevice device, RTCScene scene) { surface_.attach(device, scene); }) {
-    build_seconds = tracer_.build_seconds;
+    build = watch_.read();
     bytes = tracer_.bytes + surface_.bytes();
   }
 
   void trace(const RaySet& rays, HitBuffers& hits) override { tracer_.trace(rays, hits); }
 
  private:
+  Stopwatch watch_;  // from before the patches are made
   limitray::EmbreeGeometry surface_;
   EmbreeTracer tracer_;
 };

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "seconds.h"
+
 namespace limitray::bench {
 
 /// Rays a block: all tracers are called by the same TBB loop over blocks of this many.
@@ -37,7 +39,7 @@ class Tracer {
   /// Traces all rays on the threads that the tracer was made for.
   virtual void trace(const RaySet& rays, HitBuffers& hits) = 0;
 
-  double build_seconds = 0;
+  Seconds build;
   std::size_t bytes = 0;  // all that tracing needs
 };
 

@@ -261,7 +261,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return cli_output.fail(error.format_message(), error.exit_code)
     except (KeyboardInterrupt, typer.Abort):
         return cli_output.fail("stopped", 130)
-    except (OSError, ValueError, MemoryError) as error:
+    except (OSError, ValueError, MemoryError, RuntimeError) as error:
         return cli_output.fail(_describe(error), 1)
 
 

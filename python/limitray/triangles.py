@@ -209,9 +209,9 @@ def _join(mesh: Mesh, grids: list[_Grids]) -> Triangles:
         uvs.append(np.tile(uv[cells], (len(grid.faces), 1, 1)))
         first += len(grid.faces) * len(uv)
     all_corners = np.concatenate(corners)
-    unique, joined = np.unique(np.concatenate(keys), axis=0, return_index=True, return_inverse=True)[
-        1:
-    ]
+    unique, joined = np.unique(
+        np.concatenate(keys), axis=0, return_index=True, return_inverse=True
+    )[1:]
     return Triangles(
         points=np.concatenate(points)[unique],
         indices=joined.ravel()[all_corners].astype(np.int32),

@@ -1,4 +1,5 @@
-// Stage: scene, inside. One mesh of a scene: its cage, patches and tree, and how the kernels see it.
+// Stage: scene, inside. One mesh of a scene: its cage, patches and tree, and how the kernels see
+// it.
 #pragma once
 
 #include <tbb/blocked_range.h>

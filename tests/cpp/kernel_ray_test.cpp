@@ -6,6 +6,7 @@
 #include "../support/random_patches.h"
 #include "limitray/intersect/ray.h"
 #include "limitray/intersect/root_patch.h"
+#include "limitray/patches/patch_model.h"
 
 namespace limitray {
 namespace {
@@ -61,7 +62,9 @@ Fractions measure(test::Generator& g, const ObjectRay& ray, const Vec3d& center,
   PatchRay<T> r;
   Fractions f;
   if (!make_patch_ray(ray, test::extent_of(test::radius_of(patch), center), r)) return f;
-  const RootPatch<T> root = to_ray_frame(rounded.net, rounded.bump_or_null(), r);
+  const RootPatch<T> root = to_ray_frame(
+      rounded.net, rounded.bump_or_null(), r,
+      project(make_patch_model(rounded.net, rounded.bump_or_null()), r));
   T got[3][16];
   store_net(got[0], root.x), store_net(got[1], root.y), store_net(got[2], root.z);
   for (int i = 0; i < 16; ++i) {

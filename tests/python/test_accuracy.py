@@ -1,8 +1,12 @@
 """Hits lie on the true limit surface, which is evaluated by code the tracer does not share."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
-from shapes import CAGES, CLOSED, MODELS, cage, extent, rays_towards, scene_of
+from shapes import CAGES, CLOSED, MODELS, REPOSITORY, cage, extent, rays_towards, scene_of
 
 import limitray as lr
 
@@ -143,3 +147,66 @@ def test_threads_and_batches_do_not_change_answers(name, dtype):
         for answer in answers[1:]:
             np.testing.assert_array_equal(answer[key], expected)
         np.testing.assert_array_equal([hit[key] for hit in single], expected[:100])
+
+
+CAST = """
+import sys
+import numpy as np
+import limitray as lr
+scene = lr.Scene()
+scene.add_mesh(lr.Mesh.from_file(sys.argv[1]))
+hits = scene.cast_rays(np.load(sys.argv[2]), attributes=("t_error",))
+np.savez(sys.argv[3], isa=lr.Scene.isa(), **hits)
+"""
+
+
+def cast_with(isa, name, rays, folder):
+    """Hits computed in a process that is forced to an instruction set; None if it has none."""
+    np.save(folder / "rays.npy", rays)
+    model = REPOSITORY / "tests/cages" / f"{name}.obj"
+    done = subprocess.run(
+        [sys.executable, "-c", CAST, model, folder / "rays.npy", folder / f"{isa}.npz"],
+        env={**os.environ, "LIMITRAY_ISA": isa},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode and isa != "portable":
+        assert "LIMITRAY_ISA" in done.stderr
+        return None
+    assert done.returncode == 0, done.stderr
+    return np.load(folder / f"{isa}.npz")
+
+
+@pytest.mark.parametrize("name", ["demo", "pole_8", "torus_creases"])
+def test_instruction_sets_agree(name, tmp_path):
+    rays = rays_towards(scene_of(cage(name)), 4000, dtype=np.float32)
+    lengths = np.linalg.norm(rays[:, 3:], axis=1)
+    size, _ = extent(scene_of(cage(name)))
+    portable = cast_with("portable", name, rays, tmp_path)
+    assert portable["isa"] == "portable"
+    for isa in ("avx2", "avx512"):
+        other = cast_with(isa, name, rays, tmp_path)
+        if other is None:
+            continue
+        assert other["isa"] == isa
+        hit = np.isfinite(portable["t_hit"]) & np.isfinite(other["t_hit"])
+        assert (np.isfinite(portable["t_hit"]) != np.isfinite(other["t_hit"])).mean() < 2e-3
+        apart = np.abs(portable["t_hit"][hit] - other["t_hit"][hit]) * lengths[hit]
+        assert np.quantile(apart, 0.999) <= 2e-4 * size
+        assert np.median(apart) <= 1e-6 * size
+        same = portable["primitive_ids"][hit] == other["primitive_ids"][hit]
+        assert same.mean() > 0.998
+
+
+def test_an_unknown_instruction_set_is_named():
+    done = subprocess.run(
+        [sys.executable, "-c", "import limitray; limitray.Scene()"],
+        env={**os.environ, "LIMITRAY_ISA": "sse9"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "LIMITRAY_ISA" in done.stderr
+    assert "sse9" in done.stderr

@@ -1,6 +1,7 @@
 """Meshes: what is accepted, what is refused and in which words, and the true limit."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -119,8 +120,6 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "folder.obj").mkdir()
     with pytest.raises(IsADirectoryError):
         lr.Mesh.from_file(tmp_path / "folder.obj")
-    with pytest.raises(ValueError, match=r"limitray\[usd\]"):
-        lr.Mesh.from_file(tmp_path / "model.usda")
     with pytest.raises(ValueError, match=r'unknown mesh format ".ply"'):
         lr.Mesh.from_file(tmp_path / "model.ply")
     bad = tmp_path / "bad.obj"
@@ -129,6 +128,13 @@ def test_files_that_cannot_be_read(tmp_path):
         lr.Mesh.from_file(bad)
     with pytest.raises(ValueError, match="prim must be None"):
         lr.Mesh.from_file(bad, prim="/mesh")
+
+
+def test_usd_files_need_the_extra(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    (tmp_path / "model.usda").write_text("#usda 1.0\n")
+    with pytest.raises(ValueError, match=r"limitray\[usd\]"):
+        lr.Mesh.from_file(tmp_path / "model.usda")
 
 
 def test_arguments_of_the_limit_broadcast():

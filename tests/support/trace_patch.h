@@ -36,17 +36,18 @@ SearchResult find_roots(const RoundedPatch<T>& p, double radius, const ObjectRay
   if (!result.ray_accepted) return result;
   T zmax = r.zmax;
   const PatchBump<T>* bump = p.bump_or_null();
+  const PatchModel<T> model = make_patch_model(p.net, bump);
   const auto on_hit = [&](const PatchRoot<T>& root, T& z) {
-    roots.push_back({r.t_of(root.z), t_error(p.net, bump, r, root.radius), root.u, root.v});
+    roots.push_back({r.t_of(root.z), t_error(model, r, root.radius), root.u, root.v});
     if (closest) z = std::min(z, root.z);
     return false;
   };
   if (search == Search::full)
-    intersect_patch<T, true>(p.net, bump, make_patch_model(p.net, bump), r, zmax, on_hit, result.count);
+    intersect_patch<T, true>(p.net, bump, model, r, zmax, on_hit, result.count);
   else if (search == Search::newton_on_subpatches)
-    bisect_patch<T, true>(p.net, bump, r, zmax, on_hit, result.count);
+    bisect_patch<T, true>(p.net, bump, project(model, r), r, zmax, on_hit, result.count);
   else
-    bisect_patch<T, false>(p.net, bump, r, zmax, on_hit, result.count);
+    bisect_patch<T, false>(p.net, bump, project(model, r), r, zmax, on_hit, result.count);
   return result;
 }
 

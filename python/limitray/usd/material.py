@@ -109,7 +109,9 @@ class MaterialReader:
         options = {
             name: str(_value_and_source(shader, name, self.time)[0] or fallback)
             for name, fallback in (
-                ("wrapS", "useMetadata"), ("wrapT", "useMetadata"), ("sourceColorSpace", "auto")
+                ("wrapS", "useMetadata"),
+                ("wrapT", "useMetadata"),
+                ("sourceColorSpace", "auto"),
             )
         }
         key = (str(asset.resolvedPath or asset.path), *options.values())

@@ -169,7 +169,9 @@ def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
     """Opens a file as a stage; raises OSError or ValueError."""
     path = Path(path)
     if path.suffix.lower() not in USD_SUFFIXES:
-        raise ValueError(f'{path}: a USD file ends in {", ".join(USD_SUFFIXES)}, not "{path.suffix}"')
+        raise ValueError(
+            f'{path}: a USD file ends in {", ".join(USD_SUFFIXES)}, not "{path.suffix}"'
+        )
     with path.open("rb"):
         pass
     try:

@@ -1,5 +1,5 @@
-// Stage: BVH. Comes in: boxes. Goes out: the flat tree of bvh.h. builder.cpp is the only file of the
-// core that includes Embree (embree_geometry aside): its SAH builder makes the tree.
+// Stage: BVH. Comes in: boxes. Goes out: the flat tree of bvh.h. builder.cpp is the only file of
+// the core that includes Embree (embree_geometry aside): its SAH builder makes the tree.
 #pragma once
 
 #include <cstdint>

@@ -1,8 +1,9 @@
 // Stage: BVH. An 8-wide tree of boxes in one flat array, root first, children after their parents;
 // the same array serves CPU and GPU. Leaves hold one item each.
 //
-// Boxes are conservative by construction (bvh/bounds.h): each is padded by more than all rounding of
-// the slab test for rays as made by make_patch_ray, so the test below compares without a tolerance.
+// Boxes are conservative by construction (bvh/bounds.h): each is padded by more than all rounding
+// of the slab test for rays as made by make_patch_ray, so the test below compares without a
+// tolerance.
 #pragma once
 
 #include <bit>
@@ -33,8 +34,8 @@ inline constexpr int bvh_width = 8;
 inline constexpr int bvh_max_depth = 40;
 inline constexpr std::uint32_t leaf_flag = 0x80000000u;
 
-/// Child i: box [lo[axis][i], hi[axis][i]], an item (child & ~leaf_flag) if leaf_flag is set, else a
-/// node. An absent child has an empty box, which no ray meets.
+/// Child i: box [lo[axis][i], hi[axis][i]], an item (child & ~leaf_flag) if leaf_flag is set, else
+/// a node. An absent child has an empty box, which no ray meets.
 struct alignas(32) BvhNode {
   float lo[3][bvh_width], hi[3][bvh_width];
   std::uint32_t child[bvh_width];
@@ -125,8 +126,8 @@ inline std::uint32_t push_farther(const BvhNode& node, unsigned hits, const Simd
 /// stands; prefetch(item) is called early for an item that is likely next, leaf(item) for each, and
 /// returns true to end the walk. Counts nodes.
 template <class Zmax, class Prefetch, class Leaf>
-void traverse(const BvhNode* nodes, const BoxRay& ray, float zmin, Zmax&& zmax,
-              Prefetch&& prefetch, Leaf&& leaf, std::uint64_t& node_visits) {
+void traverse(const BvhNode* nodes, const BoxRay& ray, float zmin, Zmax&& zmax, Prefetch&& prefetch,
+              Leaf&& leaf, std::uint64_t& node_visits) {
   BvhEntry stack[bvh_max_depth * (bvh_width - 1) + 1];
   int size = 0;
   std::uint32_t current = 0;

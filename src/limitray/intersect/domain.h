@@ -8,7 +8,8 @@
 //   levels   u: 3  v: 2     trail u: 0 1 0     trail v: 1 0
 //   order of splits         u0 v0 u1 v1 u2     (u2 is the last)
 //   pending siblings           v0 u1           the next subdomain is the sibling at u1: go up one
-//                                              level in u and one in v, flip the last bit of index u
+//                                              level in u and one in v, flip the last bit of index
+//                                              u
 #pragma once
 
 #include <bit>

@@ -1,5 +1,5 @@
-// Stage: intersection. Comes in: the patch and parameters of a hit. Goes out: position, derivatives,
-// normal and the bound on t, all from the patch itself.
+// Stage: intersection. Comes in: the patch and parameters of a hit. Goes out: position,
+// derivatives, normal and the bound on t, all from the patch itself.
 #pragma once
 
 #include "limitray/intersect/intersect_patch.h"
@@ -48,12 +48,9 @@ Vec3<T> unit_normal(const PatchNet<T>& net, const PatchBump<T>* bump, T s, T t,
 /// Bound on |t - t of the surface's own hit|: the depth's rounding, plus the parametric distance
 /// `radius` times the steepest depth of the patch.
 template <class T>
-double t_error(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray, T radius) {
-  RootPatch<T> p = to_ray_frame(net, bump, ray);
-  charge_rounding(p);
-  const T slope = 3 * (max_value(abs(difference_u(p.z))) + max_value(abs(difference_v(p.z)))) +
-                  bump_slope<T> * sum(abs(p.bump_z));
-  return double(p.eps_z + radius * slope) * ray.t_scale;
+double t_error(const PatchModel<T>& model, const PatchRay<T>& ray, T radius) {
+  const ProjectedModel<T> m = project(model, ray);
+  return double(m.eps_z + radius * m.z_slope) * ray.t_scale;
 }
 
 }  // namespace LIMITRAY_ISA

@@ -28,36 +28,22 @@ inline constexpr int max_level = std::is_same_v<T, float> ? 22 : 48;
 /// along the ray.
 inline constexpr std::uint32_t max_splits = 1u << 16;
 
-/// Charges the rounding of everything computed from the root: evaluation (32 u max|net|), recovery
-/// and the splits after it (8 u + 16 u), the local frame (4 u). docs/accuracy.md, section 2.
+/// The local frame: x and y are mixed by a 2x2 map built from the patch's own projected tangents,
+/// so that x follows u and y follows v. Edge-on, where they are (almost) parallel, a rotation by
+/// the longer one. The bounds grow by the map's row sums.
 template <class T>
-void charge_rounding(RootPatch<T>& p) {
-  const Quad<T> q = max4(max_rows(abs(p.x)), max_rows(abs(p.y)), max_rows(abs(p.z)),
-                         max(max(abs(p.bump_x), abs(p.bump_y)), abs(p.bump_z)));
-  const T c = 64 * unit_roundoff<T>;
-  p.eps_x += c * (q[0] + q[3]);
-  p.eps_y += c * (q[1] + q[3]);
-  p.eps_z += c * (q[2] + q[3]);
-}
-
-/// The local frame: x and y are mixed by a 2x2 map built from the patch's own projected tangents, so
-/// that x follows u and y follows v. Edge-on, where they are (almost) parallel, a rotation by the
-/// longer one. The bounds grow by the map's row sums.
-template <class T>
-void to_local_frame(RootPatch<T>& p) {
-  const auto mean_u = [](const Net<T>& n) { return sum(sum_rows(difference_u(n))); };
-  const auto mean_v = [](const Net<T>& n) { return sum(sum_rows(difference_v(n))); };
-  const T x_u = mean_u(p.x), y_u = mean_u(p.y), x_v = mean_v(p.x), y_v = mean_v(p.y);
-  const T det = x_u * y_v - x_v * y_u;
-  const T lu = x_u * x_u + y_u * y_u, lv = x_v * x_v + y_v * y_v;
+void to_local_frame(RootPatch<T>& p, const ProjectedModel<T>& t) {
+  const T det = t.x_u * t.y_v - t.x_v * t.y_u;
+  const T lu = t.x_u * t.x_u + t.y_u * t.y_u, lv = t.x_v * t.x_v + t.y_v * t.y_v;
+  const T longest = std::sqrt(std::max(lu, lv));
+  if (!(longest > 0)) return;
   T m[4];
   if (std::abs(det) > T(1.0 / 64) * std::max(lu, lv)) {
-    const T s = std::sqrt(std::max(lu, lv)) / det;  // keeps the patch's size, roughly
-    m[0] = y_v * s, m[1] = -x_v * s, m[2] = -y_u * s, m[3] = x_u * s;
+    const T s = longest / det;  // keeps the patch's size, roughly
+    m[0] = t.y_v * s, m[1] = -t.x_v * s, m[2] = -t.y_u * s, m[3] = t.x_u * s;
   } else {
-    const T a = lu > lv ? x_u : x_v, b = lu > lv ? y_u : y_v, l = std::sqrt(std::max(lu, lv));
-    if (!(l > 0)) return;
-    m[0] = a / l, m[1] = b / l, m[2] = -b / l, m[3] = a / l;
+    const T a = (lu > lv ? t.x_u : t.x_v) / longest, b = (lu > lv ? t.y_u : t.y_v) / longest;
+    m[0] = a, m[1] = b, m[2] = -b, m[3] = a;
   }
   const Net<T> x = p.x;
   p.x = m[0] * x + m[1] * p.y;
@@ -76,6 +62,17 @@ T interval_size(int level) {
   return T(1) / T(std::uint64_t(1) << level);
 }
 
+/// S7 on a small subdomain: the net of the bumps' tangent planes at its middle, w there. A plane is
+/// reproduced exactly; what it loses is at most `lost` times each |bump| and is added to `slack`.
+template <class T>
+Net<T> tangent_planes(const BumpWeights<T>& w, const Quad<T>& bump, T su, T sv, T lost, T& slack) {
+  const Quad<T> q = sum4(Quad<T>(w.g * bump), Quad<T>(su * w.g_s * bump),
+                         Quad<T>(sv * w.g_t * bump), Quad<T>(lost * abs(bump)));
+  const Quad<T> ramp{T(-0.5), T(-1.0 / 6), T(1.0 / 6), T(0.5)};
+  slack += q[3];
+  return along_rows<T>(q[0] + q[1] * ramp) + along_columns<T>(q[2] * ramp);
+}
+
 /// S6 and S7: control values of the subpatch on [u0, u0+su] x [v0, v0+sv], from the root patch.
 template <class T>
 SubPatch<T> recover(const RootPatch<T>& root, T u0, T v0, T su, T sv) {
@@ -87,6 +84,16 @@ SubPatch<T> recover(const RootPatch<T>& root, T u0, T v0, T su, T sv) {
     s.x = restrict_uv(root.x, ru, rv);
     s.y = restrict_uv(root.y, ru, rv);
     s.z = restrict_uv(root.z, ru, rv);
+    return s;
+  }
+  const T size = std::max(su, sv);
+  if (size <= tangent_plane_size<T>) {
+    const BumpWeights<T> w = bump_weights(u0 + su / 2, v0 + sv / 2);
+    const T lost = bump_curvature<T> * (size / 2) * (size / 2);
+    s.x = restrict_uv(root.x, ru, rv) + tangent_planes(w, root.bump_x, su, sv, lost, s.dx);
+    s.y = restrict_uv(root.y, ru, rv) + tangent_planes(w, root.bump_y, su, sv, lost, s.dy);
+    s.z = restrict_uv(root.z, ru, rv) + tangent_planes(w, root.bump_z, su, sv, lost, s.dz);
+    s.bump_gain = bump_slope_change<T> * (size / 2);
     return s;
   }
   const FrozenBlend<T> f = freeze_blend(u0, v0, su, sv);
@@ -135,19 +142,30 @@ void split(const RootPatch<T>& root, const SubPatch<T>& s, bool across_u, SubPat
   halves(s.z, child[0].z, child[1].z);
 }
 
+/// S2 across the longer one of a subpatch's projected tangents. Near a silhouette both are
+/// parallel: the hull is thin across them, in any direction of x and y, and much longer along them.
+template <class T>
+bool misses_across(const SubPatch<T>& s) {
+  const Quad<T> t = sum4(sum_rows(difference_u(s.x)), sum_rows(difference_u(s.y)),
+                         sum_rows(difference_v(s.x)), sum_rows(difference_v(s.y)));
+  const bool by_u = t[0] * t[0] + t[1] * t[1] > t[2] * t[2] + t[3] * t[3];
+  const T a = by_u ? -t[1] : -t[3], b = by_u ? t[0] : t[2];
+  return misses_zero(a * s.x + b * s.y, std::abs(a) * s.dx + std::abs(b) * s.dy);
+}
 /// S2 for a subpatch.
 template <class T>
 bool misses(const SubPatch<T>& s, T zmin, T zmax) {
   return misses_zero(s.x, s.dx) || misses_zero(s.y, s.dy) || all_above(s.z, zmax + s.dz) ||
-         all_below(s.z, zmin - s.dz);
+         all_below(s.z, zmin - s.dz) || misses_across(s);
 }
-/// S4: the box of the subpatch is as small as the bounds allow to tell, in each component.
+/// S4: the box of the subpatch, slack included, is as small as the bounds allow to tell: within 3
+/// eps in each component.
 template <class T>
 bool is_point(const RootPatch<T>& root, const SubPatch<T>& s) {
   const auto within = [](const Net<T>& n, T e) { return all_below(n, e) && all_above(n, -e); };
   const T z = s.z.part[0][0];
-  return within(s.x, s.dx + root.eps_x) && within(s.y, s.dy + root.eps_y) &&
-         within(s.z - z, s.dz + root.eps_z);
+  return within(s.x, 3 * root.eps_x - s.dx) && within(s.y, 3 * root.eps_y - s.dy) &&
+         within(s.z - z, 3 * root.eps_z - s.dz);
 }
 
 /// Meets `ray` with a patch. `zmax` is the far end of the ray, lowered by `on_hit` as it likes:
@@ -155,15 +173,15 @@ bool is_point(const RootPatch<T>& root, const SubPatch<T>& s) {
 ///
 /// This is the reference: bisection, with S8 on the subpatches where `use_newton`.
 template <class T, bool use_newton, class OnHit>
-[[gnu::noinline]] void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& ray, T& zmax,
-                  OnHit&& on_hit, PatchCounters& count) {
-  RootPatch<T> root = to_ray_frame(net, bump, ray);  // S1
-  charge_rounding(root);
-  if (misses(root, ray.zmin, zmax)) {  // S2: sign test
+[[gnu::noinline]] void bisect_patch(const PatchNet<T>& net, const PatchBump<T>* bump,
+                                    const ProjectedModel<T>& model, const PatchRay<T>& ray, T& zmax,
+                                    OnHit&& on_hit, PatchCounters& count) {
+  RootPatch<T> root = to_ray_frame(net, bump, ray, model);  // S1
+  if (misses(root, ray.zmin, zmax)) {                       // S2: sign test
     ++count.early_outs;
     return;
   }
-  to_local_frame(root);
+  to_local_frame(root, model);
   if (misses(root, ray.zmin, zmax)) {  // S2 in the local frame
     ++count.early_outs;
     return;
@@ -185,7 +203,8 @@ template <class T, bool use_newton, class OnHit>
   const std::uint32_t first_split = count.splits;
   while (true) {
     bool done = false;  // with this subdomain
-    if (use_newton && domain.level_u > 0) {  // the whole patch was tried by its model
+    // The whole patch was tried by its model; two splits later it pays to try again.
+    if (use_newton && domain.splits_u() && domain.level_u > 0) {
       PatchRoot<T> r;
       const NewtonResult result =
           newton_on_subpatch(root, sub, r, count.newton_runs, count.newton_steps);  // S8
@@ -227,17 +246,20 @@ template <class T, bool use_newton, class OnHit>
 
 /// Meets `ray` with a patch as above: S8 on the whole patch by its model first, where `use_newton`.
 template <class T, bool use_newton, class OnHit>
-[[gnu::always_inline]] inline void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchModel<T>& model,
-                     const PatchRay<T>& ray, T& zmax, OnHit&& on_hit, PatchCounters& count) {
+[[gnu::always_inline]] inline void intersect_patch(const PatchNet<T>& net, const PatchBump<T>* bump,
+                                                   const PatchModel<T>& model,
+                                                   const PatchRay<T>& ray, T& zmax, OnHit&& on_hit,
+                                                   PatchCounters& count) {
   ++count.patch_tests;
+  const ProjectedModel<T> m = project(model, ray);
   if constexpr (use_newton) {
     PatchRoot<T> r;
-    const NewtonResult result =
-        newton_on_model(model, net, bump, ray, r, count.newton_runs, count.newton_steps);
+    const NewtonResult result = newton_on_model(m, model.curvature, net, bump, ray, r,
+                                                count.newton_runs, count.newton_steps);
     if (result == NewtonResult::hit) on_hit(r, zmax);
     if (result != NewtonResult::undecided) return;
   }
-  bisect_patch<T, use_newton>(net, bump, ray, zmax, on_hit, count);
+  bisect_patch<T, use_newton>(net, bump, m, ray, zmax, on_hit, count);
 }
 
 }  // namespace LIMITRAY_ISA

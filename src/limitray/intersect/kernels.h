@@ -20,7 +20,7 @@ struct GeometryView {
   const PatchModel<T>* models;
   const std::uint32_t* patch_ids;  // leaf -> patch id as the refiner numbered it
   const BvhNode* nodes;            // null for an empty surface
-  Extent extent;  // of the tree, about PatchBuffer::origin
+  Extent extent;                   // of the tree, about PatchBuffer::origin
   bool left_handed;
 };
 /// One placement of a mesh.

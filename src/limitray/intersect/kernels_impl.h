@@ -1,5 +1,5 @@
-// Stage: intersection. From a batch of rays to hits: scene, instances, BVH, patches. Included by the
-// kernels_<isa>.cpp files alone, which compile it once for each instruction set.
+// Stage: intersection. From a batch of rays to hits: scene, instances, BVH, patches. Included by
+// the kernels_<isa>.cpp files alone, which compile it once for each instruction set.
 #pragma once
 
 #include "limitray/bvh/bounds.h"
@@ -33,8 +33,8 @@ struct LeafHit {
   T s = 0, t_patch = 0, radius = 0;
 };
 
-/// Meets `ray` (in the mesh's space) with one mesh. on_hit(LeafHit, ray) returns true to end; it may
-/// lower `tfar`.
+/// Meets `ray` (in the mesh's space) with one mesh. on_hit(LeafHit, ray) returns true to end; it
+/// may lower `tfar`.
 template <class T, bool use_newton, class OnHit>
 bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const ObjectRay& ray,
                     double& tfar, OnHit&& on_hit, PatchCounters& count, Statistics& stats) {
@@ -76,8 +76,7 @@ void trace_scene(const SceneView<T>& scene, const ObjectRay& ray, double& tfar, 
   const auto instance = [&](std::uint32_t i) {
     const InstanceView& in = scene.instances[i];
     const GeometryView<T>& g = scene.geometries[in.geometry];
-    if (in.identity)
-      return trace_geometry<T, use_newton>(g, i, ray, tfar, on_hit, count, stats);
+    if (in.identity) return trace_geometry<T, use_newton>(g, i, ray, tfar, on_hit, count, stats);
     const ObjectRay local{in.to_object.point(ray.org), in.to_object.vector(ray.dir), ray.tnear,
                           ray.tfar};
     return trace_geometry<T, use_newton>(g, i, local, tfar, on_hit, count, stats);
@@ -88,9 +87,9 @@ void trace_scene(const SceneView<T>& scene, const ObjectRay& ray, double& tfar, 
   }
   PatchRay<T> r;
   if (!scene.nodes || !make_patch_ray(ray, scene.extent, r)) return;
-  traverse(scene.nodes, make_box_ray(r), -float_up(-r.zmin),
-           [&] { return float_up(r.z_above(tfar)); }, [](std::uint32_t) {}, instance,
-           stats.node_visits);
+  traverse(
+      scene.nodes, make_box_ray(r), -float_up(-r.zmin), [&] { return float_up(r.z_above(tfar)); },
+      [](std::uint32_t) {}, instance, stats.node_visits);
 }
 
 /// The same with the switch for S8 read at run time.
@@ -159,13 +158,14 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
     }
   }
   if (h.t_error) {
-    PatchRay<T> r;
+    PatchRay<T> r{};
     ObjectRay local = ray;
     if (!in.identity)
       local.org = in.to_object.point(ray.org), local.dir = in.to_object.vector(ray.dir);
     make_patch_ray(local, g.extent, r);
     // The last step: t itself is rounded to T.
-    const double e = t_error(net, bump, r, hit.radius) + double(unit_roundoff<T>) * std::abs(hit.t);
+    const double e =
+        t_error(g.models[hit.leaf], r, hit.radius) + double(unit_roundoff<T>) * std::abs(hit.t);
     h.t_error[i] = std::nextafter(T(e), std::numeric_limits<T>::infinity());
   }
 }
@@ -237,7 +237,7 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
         const auto p = evaluate_patch(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch);
         Vec3d n = unit_normal(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch, p);
         n = normal_to_world(in, g.left_handed ? -1.0 * n : n);
-        const double e = t_error(g.nets[h.leaf], bump_of(g, h.leaf), r, h.radius);
+        const double e = t_error(g.models[h.leaf], r, h.radius);
         out.push_back({h.t, e + unit_roundoff<double> * std::abs(h.t), info.u0 + h.s * info.du,
                        info.v0 + h.t_patch * info.dv, n, dot(n, ray.dir) < 0, h.instance, info.face,
                        info.sub_quad});
@@ -285,8 +285,7 @@ inline bool closest_patch(const GeometryView<float>& g, std::uint32_t patch, con
 inline bool occluded_patch(const GeometryView<float>& g, std::uint32_t patch,
                            const ObjectRay& ray) {
   bool hit = false;
-  trace_patch(g, patch, ray,
-              [&](const PatchRoot<float>&, double, float&) { return hit = true; });
+  trace_patch(g, patch, ray, [&](const PatchRoot<float>&, double, float&) { return hit = true; });
   return hit;
 }
 

@@ -1,25 +1,28 @@
-// Stage: intersection, S8. Comes in: a patch in the ray's frame and a domain on which its projection
-// may be one-to-one. Goes out: the only hit on it, a proof that there is none, or neither.
+// Stage: intersection, S8. Comes in: a patch in the ray's frame and a domain on which its
+// projection may be one-to-one. Goes out: the only hit on it, a proof that there is none, or
+// neither.
 //
-// After Toth 1985, "On Ray Tracing Parametric Surfaces" (interval Newton), with componentwise bounds
-// of the derivative from the Bernstein net, and clamped Newton steps instead of shrinking intervals.
-// Multiply the projection (x,y) by M, (almost) the inverse of its Jacobian at the domain's middle c:
+// After Toth 1985, "On Ray Tracing Parametric Surfaces" (interval Newton), with componentwise
+// bounds of the derivative from the Bernstein net, and clamped Newton steps instead of shrinking
+// intervals. Multiply the projection (x,y) by M, (almost) the inverse of its Jacobian at the
+// domain's middle c:
 //
 //   F = M (x,y),   F(p) - F(q) = (I + G)(p - q),   |G| <= K componentwise on the domain.       (1)
 //
 // If K.uu < 1, K.vv < 1 and (1 - K.uu)(1 - K.vv) > K.uv K.vu, F is one-to-one (I - K is an
-// M-matrix), and |p - q| <= (I - K)^-1 (|F(q)| + e) for each point p of the surface on the ray, e the
-// bound on rounding. With q = c: p lies in c - F(c) +- (K (1/2,1/2) size + e) (Krawczyk's operator).
+// M-matrix), and |p - q| <= (I - K)^-1 (|F(q)| + e) for each point p of the surface on the ray, e
+// the bound on rounding. With q = c: p lies in c - F(c) +- (K (1/2,1/2) size + e) (Krawczyk's
+// operator).
 //
 // When q stands on a border (say u = 1) and F still points outward there, F_u(q) = -rho, then with
 // a = q.u - p.u >= 0 and b = |p.v - q.v| (1) gives a + rho <= e_u + K.uu a + K.uv b and
 // b (1 - K.vv) <= |F_v| + e_v + K.vu a. Eliminate b: a's factor is positive, so if
 //
-//   rho > e_u + K.uv (|F_v| + e_v) / (1 - K.vv)                                                  (2)
+//   rho > e_u + K.uv (|F_v| + e_v) / (1 - K.vv) (2)
 //
 // there is no p on the domain: a certain miss. |F_v| counts as 0 if v stands on its border pointing
-// outward, too (its rho only helps). What is near zero and not certainly absent by (2) is a hit: the
-// shortcut never turns a hit into a miss.
+// outward, too (its rho only helps). What is near zero and not certainly absent by (2) is a hit:
+// the shortcut never turns a hit into a miss.
 #pragma once
 
 #include "limitray/intersect/root_patch.h"
@@ -81,12 +84,14 @@ struct Interval {
   T clamp(T x) const { return std::min(std::max(x, lo), hi); }
 };
 
-/// Clamped Newton steps from (u,v) on the domain, under a contraction. A step whose end is certain to
-/// be within `eps` of zero (curvature * step^2) is taken without looking again.
+/// Clamped Newton steps from (u,v) on the domain, under a contraction. A step whose end is certain
+/// to be within `eps` of zero (curvature * step^2) is taken without looking again.
 template <class T>
-[[gnu::always_inline]] inline NewtonResult newton_steps(const RootPatch<T>& root, const Contraction<T>& k, T curvature,
-                          Interval<T> in_u, Interval<T> in_v, T u, T v, PatchRoot<T>& out,
-                          std::uint32_t& steps) {
+[[gnu::always_inline]] inline NewtonResult newton_steps(const RootPatch<T>& root,
+                                                        const Contraction<T>& k, T curvature,
+                                                        Interval<T> in_u, Interval<T> in_v, T u,
+                                                        T v, PatchRoot<T>& out,
+                                                        std::uint32_t& steps) {
   for (int step = 0; step < 8; ++step) {
     const RaySample<T> p = evaluate(root, u, v);
     ++steps;
@@ -128,46 +133,29 @@ template <class T>
   return NewtonResult::undecided;
 }
 
-/// S8 on a whole patch by its first order model: most rays are decided here, before or after reading
-/// the patch itself. Sets `root` when it returns undecided after reading; counts that as a run.
+/// S8 on a whole patch by its first order model: most rays are decided here, before or after
+/// reading the patch itself; reading it counts as a run.
 template <class T>
-[[gnu::always_inline]] inline NewtonResult newton_on_model(const PatchModel<T>& m, const PatchNet<T>& net,
-                             const PatchBump<T>* bump, const PatchRay<T>& r, PatchRoot<T>& out,
-                             std::uint32_t& runs, std::uint32_t& steps) {
-  // The model in the ray's frame.
-  const auto &ax = m.axis[r.axis_x], &ay = m.axis[r.axis_y], &az = m.axis[r.axis_z];
-  const T depth = az.p - r.org_z;
-  const T x = ax.p - r.org_x + r.shear_x * depth, x_u = ax.p_u + r.shear_x * az.p_u,
-          x_v = ax.p_v + r.shear_x * az.p_v;
-  const T y = ay.p - r.org_y + r.shear_y * depth, y_u = ay.p_u + r.shear_y * az.p_u,
-          y_v = ay.p_v + r.shear_y * az.p_v;
-  const T sx = std::abs(r.shear_x), sy = std::abs(r.shear_y);
-  const T dx_u = ax.d_u + sx * az.d_u, dx_v = ax.d_v + sx * az.d_v;
-  const T dy_u = ay.d_u + sy * az.d_u, dy_v = ay.d_v + sy * az.d_v;
-  // Control values are at most the derivatives' reach from the middle: the rounding of section 2.
-  const T c = 64 * unit_roundoff<T>;
-  const T eps_x = r.eps + c * (std::abs(x) + std::abs(x_u) + dx_u + std::abs(x_v) + dx_v);
-  const T eps_y = r.eps + c * (std::abs(y) + std::abs(y_u) + dy_u + std::abs(y_v) + dy_v);
-
-  Contraction<T> k(x_u, x_v, y_u, y_v, eps_x, eps_y);
+[[gnu::always_inline]] inline NewtonResult newton_on_model(
+    const ProjectedModel<T>& m, T curvature, const PatchNet<T>& net, const PatchBump<T>* bump,
+    const PatchRay<T>& r, PatchRoot<T>& out, std::uint32_t& runs, std::uint32_t& steps) {
+  Contraction<T> k(m.x_u, m.x_v, m.y_u, m.y_v, m.eps_x, m.eps_y);
   const T a_uu = std::abs(k.m_uu), a_uv = std::abs(k.m_uv), a_vu = std::abs(k.m_vu),
           a_vv = std::abs(k.m_vv);
-  k.set(a_uu * dx_u + a_uv * dy_u, a_uu * dx_v + a_uv * dy_v, a_vu * dx_u + a_vv * dy_u,
-        a_vu * dx_v + a_vv * dy_v);
+  k.set(a_uu * m.dx_u + a_uv * m.dy_u, a_uu * m.dx_v + a_uv * m.dy_v, a_vu * m.dx_u + a_vv * m.dy_u,
+        a_vu * m.dx_v + a_vv * m.dy_v);
   if (!k.one_to_one()) return NewtonResult::undecided;
   // Krawczyk: every hit is in this box around the root of the model.
   const T half = T(0.5);
-  const T u = half - (k.m_uu * x + k.m_uv * y), v = half - (k.m_vu * x + k.m_vv * y);
+  const T u = half - (k.m_uu * m.x + k.m_uv * m.y), v = half - (k.m_vu * m.x + k.m_vv * m.y);
   const T reach_u = half * (k.uu + k.uv) + k.e_u, reach_v = half * (k.vu + k.vv) + k.e_v;
   if (u + reach_u < 0 || u - reach_u > 1 || v + reach_v < 0 || v - reach_v > 1)
     return NewtonResult::miss;
 
   ++runs;
-  RootPatch<T> root = to_ray_frame(net, bump, r);
-  root.eps_x = eps_x, root.eps_y = eps_y;
+  const RootPatch<T> root = to_ray_frame(net, bump, r, m);
   const Interval<T> unit{0, 1};
-  return newton_steps(root, k, 2 * m.curvature, unit, unit, unit.clamp(u), unit.clamp(v), out,
-                      steps);
+  return newton_steps(root, k, 2 * curvature, unit, unit, unit.clamp(u), unit.clamp(v), out, steps);
 }
 
 /// S8 on a subpatch, its K from its own net.

@@ -1,11 +1,11 @@
-// Stage: intersection, S1. Comes in: a ray in double, in the space of a mesh. Goes out: the frame in
-// which patches are met: the ray is the z axis, its origin is near the patches.
+// Stage: intersection, S1. Comes in: a ray in double, in the space of a mesh. Goes out: the frame
+// in which patches are met: the ray is the z axis, its origin is near the patches.
 //
 // After Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection": translate, then shear by
 // the dominant axis of the direction. Ours differs in two points. The origin is first moved along
 // the ray (in double) into the box of the mesh, so that float rounding scales with the mesh and not
-// with the distance of the viewer; a ray that misses the box ends there. And depth is measured along
-// the dominant axis, not in units of the direction: no direction is too short or too long.
+// with the distance of the viewer; a ray that misses the box ends there. And depth is measured
+// along the dominant axis, not in units of the direction: no direction is too short or too long.
 #pragma once
 
 #include <algorithm>
@@ -35,11 +35,11 @@ struct PatchRay {
   T dir[3];  // the direction, scaled so that its dominant component is +1 or -1
   int axis_x, axis_y, axis_z;
   T org_x, org_y, org_z;  // org in the order of these axes
-  T shear_x, shear_y;  // x = X + shear_x Z, y = Y + shear_y Z, with X, Y, Z relative to org
-  T sign_z;            // z = sign_z Z grows along the ray
-  T zmin, zmax;        // interval of z, widened by all rounding
-  T eps;               // bound on the rounding of x and y of a stored control value
-  T eps_z;             // the same for z
+  T shear_x, shear_y;     // x = X + shear_x Z, y = Y + shear_y Z, with X, Y, Z relative to org
+  T sign_z;               // z = sign_z Z grows along the ray
+  T zmin, zmax;           // interval of z, widened by all rounding
+  T eps;                  // bound on the rounding of x and y of a stored control value
+  T eps_z;                // the same for z
   double t_origin, t_scale, z_scale;  // t = t_origin + z t_scale, z = (t - t_origin) z_scale
 
   double t_of(double z) const { return t_origin + z * t_scale; }
@@ -64,8 +64,8 @@ inline float float_up(double x) {
   return double(f) < x ? std::nextafter(f, std::numeric_limits<float>::infinity()) : f;
 }
 
-/// Where a mesh is: the centre its control values are relative to, half of the size by axis of the box
-/// that contains it (about that centre, padded), and R: no control value or box is farther out.
+/// Where a mesh is: the centre its control values are relative to, half of the size by axis of the
+/// box that contains it (about that centre, padded), and R: no control value or box is farther out.
 struct Extent {
   Vec3d center, half;
   double radius;
@@ -77,10 +77,11 @@ struct Extent {
 /// Rounding (docs/accuracy.md, section 1). Let R = radius, u the unit roundoff. The moved origin is
 /// in the extent, so a control value is off by u R, org by u R, and both are at most D = 2 R apart.
 /// The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by 2 u, its
-/// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u D
-/// = 18 u R, first order; 20 u R covers the higher orders. The move in double adds eps_move.
+/// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u
+/// D = 18 u R, first order; 20 u R covers the higher orders. The move in double adds eps_move.
 template <class T>
-[[gnu::always_inline]] inline bool make_patch_ray(const ObjectRay& ray, const Extent& extent, PatchRay<T>& r) {
+[[gnu::always_inline]] inline bool make_patch_ray(const ObjectRay& ray, const Extent& extent,
+                                                  PatchRay<T>& r) {
   using V = Quad<double>;
   const Vec3d& c = extent.center;
   const V o = V{ray.org.x, ray.org.y, ray.org.z, 0} - V{c.x, c.y, c.z, 0};
@@ -92,8 +93,8 @@ template <class T>
   largest = ad[2] > r.z_scale ? 2 : largest;
   r.z_scale = std::max(r.z_scale, ad[2]);
 
-  // The slabs of the extent, in z. Where the direction is 0, its planes are at +-huge (or at 0 on the
-  // border, which is padding only). What is not finite stays so.
+  // The slabs of the extent, in z. Where the direction is 0, its planes are at +-huge (or at 0 on
+  // the border, which is padding only). What is not finite stays so.
   const V huge = V{} + 1e200;
   const V inverse = min(huge, max(V(-huge), V(r.z_scale / d)));
   const V a = (-half - o) * inverse, b = (half - o) * inverse;
@@ -101,8 +102,8 @@ template <class T>
   const double entry = std::max(std::max(lo[0], lo[1]), lo[2]);
   const double exit = std::min(std::min(hi[0], hi[1]), hi[2]);
   const bool finite = (lo[0] + lo[1] + lo[2]) * 0 == 0 && r.z_scale > 1e-290;
-  if (!(finite && entry <= exit && exit >= ray.tnear * r.z_scale &&
-        entry <= ray.tfar * r.z_scale && ray.tnear < ray.tfar))
+  if (!(finite && entry <= exit && exit >= ray.tnear * r.z_scale && entry <= ray.tfar * r.z_scale &&
+        ray.tnear < ray.tfar))
     return false;
 
   r.t_scale = 1 / r.z_scale;

@@ -9,6 +9,41 @@
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
+/// A patch's first order model in the frame of a ray: values at its middle, derivatives, how far
+/// the derivatives stray (|x_u - x_u(middle)| <= dx_u), and the bounds on all rounding.
+template <class T>
+struct ProjectedModel {
+  T x, y, z;
+  T x_u, x_v, y_u, y_v;
+  T dx_u, dx_v, dy_u, dy_v;
+  T z_slope;  // bound on |z_u| + |z_v|
+  T eps_x, eps_y, eps_z;
+};
+/// Charges the rounding of everything computed from the patch: evaluation (32 u max|net|), recovery
+/// and the splits after it (8 u + 16 u), the local frame (4 u). No control value is farther from
+/// the middle than the derivatives reach. docs/accuracy.md, section 2.
+template <class T>
+[[gnu::always_inline]] inline ProjectedModel<T> project(const PatchModel<T>& m,
+                                                        const PatchRay<T>& r) {
+  const auto &ax = m.axis[r.axis_x], &ay = m.axis[r.axis_y], &az = m.axis[r.axis_z];
+  const T depth = az.p - r.org_z;
+  const T sx = std::abs(r.shear_x), sy = std::abs(r.shear_y);
+  const T c = 64 * unit_roundoff<T>;
+  ProjectedModel<T> p;
+  p.x = ax.p - r.org_x + r.shear_x * depth;
+  p.y = ay.p - r.org_y + r.shear_y * depth;
+  p.z = r.sign_z * depth;
+  p.x_u = ax.p_u + r.shear_x * az.p_u, p.x_v = ax.p_v + r.shear_x * az.p_v;
+  p.y_u = ay.p_u + r.shear_y * az.p_u, p.y_v = ay.p_v + r.shear_y * az.p_v;
+  p.dx_u = ax.d_u + sx * az.d_u, p.dx_v = ax.d_v + sx * az.d_v;
+  p.dy_u = ay.d_u + sy * az.d_u, p.dy_v = ay.d_v + sy * az.d_v;
+  p.z_slope = std::abs(az.p_u) + az.d_u + std::abs(az.p_v) + az.d_v;
+  p.eps_x = r.eps + c * (std::abs(p.x) + std::abs(p.x_u) + p.dx_u + std::abs(p.x_v) + p.dx_v);
+  p.eps_y = r.eps + c * (std::abs(p.y) + std::abs(p.y_u) + p.dy_u + std::abs(p.y_v) + p.dy_v);
+  p.eps_z = r.eps_z + c * (std::abs(p.z) + p.z_slope);
+  return p;
+}
+
 template <class T>
 struct RootPatch {
   Net<T> x, y, z;
@@ -17,9 +52,13 @@ struct RootPatch {
   T eps_x, eps_y, eps_z;  // bound on all rounding of x, y, z anywhere on the patch
 };
 
-/// S1: the control values of a patch in the frame of the ray. `bump` is null for a Bezier patch.
+/// S1: the control values of a patch in the frame of the ray. `bump` is null for a Bezier patch,
+/// `m` its model in the same frame.
 template <class T>
-[[gnu::always_inline]] inline RootPatch<T> to_ray_frame(const PatchNet<T>& net, const PatchBump<T>* bump, const PatchRay<T>& r) {
+[[gnu::always_inline]] inline RootPatch<T> to_ray_frame(const PatchNet<T>& net,
+                                                        const PatchBump<T>* bump,
+                                                        const PatchRay<T>& r,
+                                                        const ProjectedModel<T>& m) {
   RootPatch<T> p;
   const Net<T> depth = load_net(net.c[r.axis_z]) - r.org_z;
   p.x = load_net(net.c[r.axis_x]) - r.org_x + r.shear_x * depth;
@@ -34,8 +73,7 @@ template <class T>
   } else {
     p.bump_x = p.bump_y = p.bump_z = Quad<T>{};
   }
-  p.eps_x = p.eps_y = r.eps;
-  p.eps_z = r.eps_z;
+  p.eps_x = m.eps_x, p.eps_y = m.eps_y, p.eps_z = m.eps_z;
   return p;
 }
 

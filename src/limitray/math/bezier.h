@@ -9,8 +9,8 @@ inline namespace LIMITRAY_ISA {
 
 /// The four cubic Bernstein weights at u, or their derivatives.
 ///
-/// Horner's rule around u = 1/2: there the coefficients in magnitude sum to at most 3/2 on [0,1], so
-/// a weight is off by at most gamma(4) * 3/2 (around 0 the sum would be 12).
+/// Horner's rule around u = 1/2: there the coefficients in magnitude sum to at most 3/2 on [0,1],
+/// so a weight is off by at most gamma(4) * 3/2 (around 0 the sum would be 12).
 template <class T>
 Quad<T> bernstein(T u) {
   const T r = u - T(0.5);
@@ -29,8 +29,8 @@ Quad<T> bernstein_derivative(T u) {
   return c1 + r * (c2 + r * c3);
 }
 
-/// Columns of the matrix that restricts a cubic to [a, b]: new point i = sum_k column[k][i] * old k.
-/// The entries are the blossom's weights: >= 0, each row sums to 1.
+/// Columns of the matrix that restricts a cubic to [a, b]: new point i = sum_k column[k][i] * old
+/// k. The entries are the blossom's weights: >= 0, each row sums to 1.
 template <class T>
 struct Restriction {
   Quad<T> column[4];
@@ -41,8 +41,8 @@ Restriction<T> restriction(T a, T b) {
   // Row i is the blossom at (3-i) times a and i times b.
   const Quad<T> p{a, a, a, b}, q{a, a, b, b}, r{a, b, b, b};
   const Quad<T> np{na, na, na, nb}, nq{na, na, nb, nb}, nr{na, nb, nb, nb};
-  return {{np * nq * nr, p * nq * nr + np * q * nr + np * nq * r, np * q * r + p * nq * r + p * q * nr,
-           p * q * r}};
+  return {{np * nq * nr, p * nq * nr + np * q * nr + np * nq * r,
+           np * q * r + p * nq * r + p * q * nr, p * q * r}};
 }
 /// Restrictions to [0, 1/2] and [1/2, 1]: de Casteljau at 1/2 written as matrices.
 template <class T>

@@ -1,5 +1,5 @@
-// Stage: mathematics. The instruction set this file is compiled for, as an inline namespace, so that
-// the same templates compiled three times (intersect/kernels_*.cpp) never mix at link time.
+// Stage: mathematics. The instruction set this file is compiled for, as an inline namespace, so
+// that the same templates compiled three times (intersect/kernels_*.cpp) never mix at link time.
 #pragma once
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)

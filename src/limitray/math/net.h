@@ -1,9 +1,9 @@
 // Stage: mathematics. SIMD values the kernels are written in:
 //   Quad<T>  4 values: Bernstein weights of one direction, or one value for each corner;
 //   Net<T>   16 values: one component of a patch, rows of t, columns of s (see patch_buffer.h).
-// A Net is one AVX-512 register, two AVX2 registers or four rows of 4 elsewhere. Built on the vector
-// extensions of GCC and Clang: arithmetic reads as scalar algebra and needs no intrinsics; only the
-// compares that feed a branch have them.
+// A Net is one AVX-512 register, two AVX2 registers or four rows of 4 elsewhere. Built on the
+// vector extensions of GCC and Clang: arithmetic reads as scalar algebra and needs no intrinsics;
+// only the compares that feed a branch have them.
 #pragma once
 
 #include <cmath>
@@ -62,9 +62,9 @@ V abs(V v) {
 template <class Q>
 Q sum4(Q a, Q b, Q c, Q d) {
   const Q ab = __builtin_shufflevector(a, b, 0, 4, 1, 5) +  //
-                     __builtin_shufflevector(a, b, 2, 6, 3, 7);   // a02 b02 a13 b13
+               __builtin_shufflevector(a, b, 2, 6, 3, 7);   // a02 b02 a13 b13
   const Q cd = __builtin_shufflevector(c, d, 0, 4, 1, 5) +  //
-                     __builtin_shufflevector(c, d, 2, 6, 3, 7);
+               __builtin_shufflevector(c, d, 2, 6, 3, 7);
   return __builtin_shufflevector(ab, cd, 0, 1, 4, 5) + __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
 }
 /// Largest lanes of a, b, c, d as the four lanes of one quad.
@@ -86,7 +86,8 @@ auto sum(Q q) {
 template <class T>
 struct Net {
   // Never fewer than 4 lanes: a row stays in one part.
-  static constexpr int lanes = register_bytes / int(sizeof(T)) < 4 ? 4 : register_bytes / int(sizeof(T));
+  static constexpr int lanes =
+      register_bytes / int(sizeof(T)) < 4 ? 4 : register_bytes / int(sizeof(T));
   static constexpr int parts = 16 / lanes;
   using Part = Simd<T, lanes>;
   Part part[parts];
@@ -240,12 +241,11 @@ Net<T> permute_columns(const Net<T>& n) {
     if constexpr (Net<T>::lanes == 4) {
       r.part[k] = __builtin_shufflevector(p, p, c0, c1, c2, c3);
     } else if constexpr (Net<T>::lanes == 8) {
-      r.part[k] =
-          __builtin_shufflevector(p, p, c0, c1, c2, c3, 4 + c0, 4 + c1, 4 + c2, 4 + c3);
+      r.part[k] = __builtin_shufflevector(p, p, c0, c1, c2, c3, 4 + c0, 4 + c1, 4 + c2, 4 + c3);
     } else {
-      r.part[k] = __builtin_shufflevector(p, p, c0, c1, c2, c3, 4 + c0, 4 + c1, 4 + c2, 4 + c3,
-                                          8 + c0, 8 + c1, 8 + c2, 8 + c3, 12 + c0, 12 + c1,
-                                          12 + c2, 12 + c3);
+      r.part[k] =
+          __builtin_shufflevector(p, p, c0, c1, c2, c3, 4 + c0, 4 + c1, 4 + c2, 4 + c3, 8 + c0,
+                                  8 + c1, 8 + c2, 8 + c3, 12 + c0, 12 + c1, 12 + c2, 12 + c3);
     }
   }
   return r;
@@ -264,10 +264,10 @@ Net<T> permute_rows(const Net<T>& n) {
                                         4 * r2 + 3, 4 * r3, 4 * r3 + 1, 4 * r3 + 2, 4 * r3 + 3);
   } else {
     const auto p = n.part[0];
-    r.part[0] = __builtin_shufflevector(
-        p, p, 4 * r0, 4 * r0 + 1, 4 * r0 + 2, 4 * r0 + 3, 4 * r1, 4 * r1 + 1, 4 * r1 + 2,
-        4 * r1 + 3, 4 * r2, 4 * r2 + 1, 4 * r2 + 2, 4 * r2 + 3, 4 * r3, 4 * r3 + 1, 4 * r3 + 2,
-        4 * r3 + 3);
+    r.part[0] =
+        __builtin_shufflevector(p, p, 4 * r0, 4 * r0 + 1, 4 * r0 + 2, 4 * r0 + 3, 4 * r1,
+                                4 * r1 + 1, 4 * r1 + 2, 4 * r1 + 3, 4 * r2, 4 * r2 + 1, 4 * r2 + 2,
+                                4 * r2 + 3, 4 * r3, 4 * r3 + 1, 4 * r3 + 2, 4 * r3 + 3);
   }
   return r;
 }
@@ -277,11 +277,14 @@ Net<T> permute_rows(const Net<T>& n) {
 template <class Part, class Q>
 Part widen(Q q) {
 #if defined(LIMITRAY_AVX512)
-  if constexpr (sizeof(Part) == 64 && sizeof(Q) == 16) return Part(_mm512_castps128_ps512(__m128(q)));
-  if constexpr (sizeof(Part) == 64 && sizeof(Q) == 32) return Part(_mm512_castpd256_pd512(__m256d(q)));
+  if constexpr (sizeof(Part) == 64 && sizeof(Q) == 16)
+    return Part(_mm512_castps128_ps512(__m128(q)));
+  if constexpr (sizeof(Part) == 64 && sizeof(Q) == 32)
+    return Part(_mm512_castpd256_pd512(__m256d(q)));
 #endif
 #if defined(LIMITRAY_AVX2)
-  if constexpr (sizeof(Part) == 32 && sizeof(Q) == 16) return Part(_mm256_castps128_ps256(__m128(q)));
+  if constexpr (sizeof(Part) == 32 && sizeof(Q) == 16)
+    return Part(_mm256_castps128_ps256(__m128(q)));
 #endif
   Part p{};
   std::memcpy(&p, &q, sizeof(q));

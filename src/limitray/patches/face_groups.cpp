@@ -51,6 +51,21 @@ FaceGroups::FaceGroups(const ControlCage& cage)
     edge_sharpness_[topology_.find_edge(crease.v0, crease.v1)] = crease.sharpness;
   for (std::size_t i = 0; i < cage.corner_indices.size(); ++i)
     vertex_sharpness_[cage.corner_indices[i]] = cage.corner_sharpnesses[i];
+  sharpen_non_manifold_corners();
+}
+
+/// A vertex with more than two infinitely sharp edges does not move. OpenSubdiv's patches know it
+/// of manifold vertices only (its subdivision, of all), so here the others are tagged as corners.
+void FaceGroups::sharpen_non_manifold_corners() {
+  for (std::size_t v = 0; v < vertex_sharpness_.size(); ++v) {
+    if (!topology_.vertex_non_manifold[v]) continue;
+    const auto edges = topology_.vertex_edges[static_cast<std::int32_t>(v)];
+    const auto sharp = std::count_if(edges.begin(), edges.end(), [&](std::int32_t e) {
+      return edge_sharpness_[e] >= infinite_sharpness || topology_.edge_non_manifold[e] ||
+             topology_.edge_corners[e].size() != 2;
+    });
+    if (sharp > 2) vertex_sharpness_[v] = infinite_sharpness;
+  }
 }
 
 FaceGroup FaceGroups::make(std::size_t index) const {

@@ -42,6 +42,7 @@ class FaceGroups {
   FaceGroup make(std::size_t index) const;
 
  private:
+  void sharpen_non_manifold_corners();
   void add_faces(FaceGroup& group, std::span<const std::int32_t> own) const;
   void add_topology(FaceGroup& group) const;
 

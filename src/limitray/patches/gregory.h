@@ -19,6 +19,12 @@ inline constexpr T bump_slope = T(4.0 / 3.0);
 /// sup |g_aa|/2 + |g_ab| + |g_bb|/2 over the unit square (reached at a = 0, b -> 0: 18 + 9).
 template <class T>
 inline constexpr T bump_curvature = T(27);
+/// sup |g_aa| + |g_ab|, and |g_bb| + |g_ab| (reached at the same place: 36 + 9).
+template <class T>
+inline constexpr T bump_slope_change = T(45);
+/// Size of a subdomain below which the bumps' tangent planes lose less than frozen blends.
+template <class T>
+inline constexpr T tangent_plane_size = T(1.0 / 32);
 
 /// Distances a, b from the four corners.
 template <class T>

@@ -14,7 +14,7 @@ PatchModel<T> make_patch_model(const PatchNet<T>& net, const PatchBump<T>* bump)
   constexpr T u = std::numeric_limits<T>::epsilon() / 2;
   PatchModel<T> m;
   m.curvature = 0;
-  const Quad<T> value{T(0.125), T(0.375), T(0.375), T(0.125)};    // weights at 1/2
+  const Quad<T> value{T(0.125), T(0.375), T(0.375), T(0.125)};  // weights at 1/2
   const Quad<T> slope{T(-0.75), T(-0.75), T(0.75), T(0.75)};
   for (int i = 0; i < 3; ++i) {
     const Net<T> n = load_net(net.c[i]);

@@ -268,7 +268,10 @@ class RecipeBuilder {
 
   PatchRecipe build() {
     add_stencils();
-    group_.for_each_patch([&](int array, int i) { add_patch(array, i); });
+    for (const bool regular : {true, false})  // the order of a recipe
+      group_.for_each_patch([&](int array, int i) {
+        if (group_.param(array, i).IsRegular() == regular) add_patch(array, i);
+      });
     return std::move(recipe_);
   }
 
