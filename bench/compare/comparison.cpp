@@ -30,15 +30,28 @@ struct Question {
   OracleHits truth;
 };
 
-std::vector<TracerPlan> plan_peers(const PeerInput& input, const std::vector<std::string>& wanted) {
+/// N of a name such as "embree-triangles-8", where `family` is "embree-triangles-"; 0 if it is
+/// none.
+int rate_of(const std::string& name, const std::string& family) {
+  if (name.rfind(family, 0) != 0) return 0;
+  const std::string digits = name.substr(family.size());
+  const bool number = !digits.empty() && digits.size() < 5 &&
+                      digits.find_first_not_of("0123456789") == std::string::npos;
+  return number ? std::stoi(digits) : 0;
+}
+
+std::vector<TracerPlan> plan_peers(const PeerInput& input, const std::vector<std::string>& names) {
   std::vector<TracerPlan> plans;
-  for (int rate : {4, 8, 16, 32}) plans.push_back(plan_subdivision(input, rate));
-  for (int quads : {4, 8, 16}) plans.push_back(plan_triangles(input, quads));
-  plans.push_back(plan_user_geometry(input));
-  if (wanted.empty()) return plans;
-  std::erase_if(plans, [&](const TracerPlan& plan) {
-    return std::find(wanted.begin(), wanted.end(), plan.name) == wanted.end();
-  });
+  for (const std::string& name : names) {
+    if (const int rate = rate_of(name, "embree-subdivision-"))
+      plans.push_back(plan_subdivision(input, rate));
+    else if (const int quads = rate_of(name, "embree-triangles-"))
+      plans.push_back(plan_triangles(input, quads));
+    else if (name == "embree-geometry")
+      plans.push_back(plan_user_geometry(input));
+    else if (name != "limitray")
+      throw std::invalid_argument("--tracers: unknown tracer \"" + name + "\"");
+  }
   return plans;
 }
 

@@ -16,8 +16,10 @@ Traces the same rays with limitray and with Embree, and says how fast and how ex
   --isolation-level L   how deep limitray isolates irregular features, 1 to 10 (default 4)
   --rays N              rays a set, such as 1e6 (default 1e6)
   --rounds N            interleaved repetitions, of which the median counts (default 7)
-  --tracers A,B,..      only these beside limitray: embree-geometry,
-                        embree-subdivision-N, embree-triangles-N
+  --tracers A,B,..      what limitray is compared with: embree-subdivision-N (tessellation
+                        rate), embree-triangles-N (N x N quads a patch), embree-geometry,
+                        limitray for nothing (default: rates 4, 8, 16, 32, quads 4, 8, 16
+                        and embree-geometry)
   --robust              Embree's robust scenes (default: its default, RTC_SCENE_FLAG_NONE)
   --json FILE           write the figures to FILE, "-" for standard output
 

@@ -13,8 +13,12 @@ struct Options {
   int isolation_level = 4;
   std::size_t rays = 1000000;
   int rounds = 7;
-  std::string json;                  // file to write, empty for none
-  std::vector<std::string> tracers;  // names wanted besides limitray; empty for all
+  std::string json;  // file to write, empty for none
+  // Names of the peers.
+  std::vector<std::string> tracers{"embree-subdivision-4",  "embree-subdivision-8",
+                                   "embree-subdivision-16", "embree-subdivision-32",
+                                   "embree-triangles-4",    "embree-triangles-8",
+                                   "embree-triangles-16",   "embree-geometry"};
   bool robust = false;
   bool help = false;
 };

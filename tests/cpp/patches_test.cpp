@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "../support/patch_sampler.h"
+#include "../support/random_creases.h"
 #include "cage_files.h"
 #include "limitray/cage/obj.h"
 #include "limitray/cage/topology.h"
@@ -200,6 +201,12 @@ TEST_P(PatchesOfCage, CoverEachQuadOfEachPresentFaceOnce) {
 TEST_P(PatchesOfCage, MeetWithoutGaps) {
   const ControlCage cage = read_obj(GetParam());
   for (const int level : {1, 2, 4}) expect_no_gaps(cage, level);
+}
+
+TEST_P(PatchesOfCage, MeetWithoutGapsUnderAnyTags) {
+  const ControlCage cage = read_obj(GetParam());
+  for (unsigned seed = 0; seed < 4; ++seed)
+    expect_no_gaps(test::with_random_creases(cage, seed), 1 + static_cast<int>(seed) % 3);
 }
 
 std::string case_name(const testing::TestParamInfo<std::filesystem::path>& parameter) {

@@ -131,9 +131,11 @@ struct Levels {
   int sharp;   // where semi-sharp features have decayed
 };
 
-/// Semi-sharp features must be followed until they have decayed, or the surface is not exact; only
-/// they are followed deeper than asked. Smooth features go to level 2 at least then: at level 1 the
-/// centre of an n-gon can still share a face with a semi-sharp edge point.
+/// Semi-sharp features must be followed until they have decayed, or the surface is not exact.
+/// Smooth features end where asked, if no face with a smooth irregular vertex can still have a
+/// semi-sharp feature (it would be refined further, its neighbour not, and the two would not meet).
+/// That holds from level 2 on, at level 1 the centre of an n-gon may be beside a semi-sharp edge
+/// point; but with Chaikin's rule a crease may decay at the vertex before it does beside it.
 Levels levels_for(const ControlCage& cage, int isolation_level) {
   float largest = 0;
   for (const std::vector<float>* sharpnesses : {&cage.crease_sharpnesses, &cage.corner_sharpnesses})
@@ -141,7 +143,8 @@ Levels levels_for(const ControlCage& cage, int isolation_level) {
       if (s < infinite_sharpness) largest = std::max(largest, s);
   if (largest <= 0) return {isolation_level, isolation_level};
   const int smooth = std::max(isolation_level, 2);
-  return {smooth, std::max(smooth, static_cast<int>(std::ceil(largest)))};
+  const int sharp = std::max(smooth, static_cast<int>(std::ceil(largest)));
+  return {cage.creasing_method == CreasingMethod::chaikin ? sharp : smooth, sharp};
 }
 
 // One group of faces: from OpenSubdiv's refinement to a recipe.
