@@ -3,7 +3,7 @@
 //
 //   watertight [--rays N] [--level L] [--seed S] [--double] [--bisection] [--json FILE] CAGE.obj ...
 //
-// N rays a cage, split evenly over the kinds. LIMITRAY_ISA chooses the instruction set. Prints a table;
+// N rays a cage, shared out over the kinds. LIMITRAY_ISA chooses the instruction set. Prints a table;
 // --json appends one line a cage to FILE. Exit code 1 if a ray leaked or stayed unresolved.
 #include <chrono>
 #include <cstdio>
@@ -68,8 +68,9 @@ struct Row {
 
 Row run(WatertightCage& cage, RayKind kind, const Options& o) {
   const auto start = std::chrono::steady_clock::now();
-  const auto n = std::size_t(o.rays / limitray::test::ray_kinds);
-  const LeakCounts c = o.in_double ? cage.run<double>(kind, n) : cage.run<float>(kind, n);
+  const auto n = std::size_t(o.rays);
+  const LeakCounts c =
+      o.in_double ? cage.run_share<double>(kind, n) : cage.run_share<float>(kind, n);
   return {c, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()};
 }
 

@@ -186,11 +186,29 @@ class Scene:
     def test_occlusions(self, rays: Annotated[NDArray[numpy.float64], dict(shape=(None, 6), order='C', device='cpu', writable=False)], tnear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tfar: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], progress: Callable[[int], None] | None = None) -> NDArray[numpy.bool_]:
         """Whether anything is hit by each of rays (n, 6)."""
 
+    def primvar_width(self, name: str) -> int:
+        """Components; 0 if no mesh has it."""
+
+    def evaluate_primvar(self, name: str, geometry_ids: Annotated[NDArray[numpy.uint32], dict(shape=(None,), order='C', device='cpu', writable=False)], faces: Annotated[NDArray[numpy.uint32], dict(shape=(None,), order='C', device='cpu', writable=False)], sub_quads: Annotated[NDArray[numpy.uint32], dict(shape=(None,), order='C', device='cpu', writable=False)], uv: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)]) -> tuple[NDArray[numpy.float64], NDArray[numpy.float64], NDArray[numpy.float64]]:
+        """
+        A primvar and its derivatives by u and v, each (n, width) float64, at ids (n,) uint32 and uv (n, 2) float64.
+        """
+
     def count_intersections(self, rays: Annotated[NDArray[numpy.float64], dict(shape=(None, 6), order='C', device='cpu', writable=False)], tnear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tfar: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], progress: Callable[[int], None] | None = None) -> NDArray[numpy.uint32]:
         """Number of intersections along each of rays (n, 6)."""
 
     def list_intersections(self, rays: Annotated[NDArray[numpy.float64], dict(shape=(None, 6), order='C', device='cpu', writable=False)], tnear: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], tfar: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], progress: Callable[[int], None] | None = None) -> dict[str, Any]:
         """All intersections along rays (n, 6), by ray and then by t."""
+
+    def mesh_count(self) -> int: ...
+
+    def mesh_data(self, mesh: int) -> dict:
+        """Patches and tree of a mesh, as 32-bit words of the C++ records."""
+
+    def instance_data(self, geometry_id: int) -> dict: ...
+
+    def top_data(self) -> dict:
+        """The tree over the instances."""
 
 def isa() -> str:
     """Instruction set in use."""

@@ -1,4 +1,4 @@
-"""The command line: `limitray render`, `limitray info` and `limitray cast`.
+"""The command line: `limitray render`, `limitray info`, `limitray cast`, `convert`, `bench`.
 
 Results go to stdout, progress and errors to stderr. Exit codes: 0 done, 1 failed, 2 wrong usage,
 130 stopped by Ctrl-C.
@@ -18,13 +18,17 @@ import typer
 from numpy.typing import NDArray
 
 from limitray import cli_output
+from limitray.bench import bench_command
 from limitray.camera import Camera, Vector
+from limitray.convert import convert_command
 from limitray.image import FORMATS
 from limitray.info import mesh_info
 from limitray.mesh import Mesh
+from limitray.models import load_model, set_texture, stage_camera
 from limitray.render import AOVS, RenderInterrupted, render
-from limitray.scene import ATTRIBUTES, Scene
+from limitray.scene import ATTRIBUTES, PRIMVAR_PREFIX
 from limitray.shading import INTEGRATORS
+from limitray.texture import Texture
 
 app = typer.Typer(
     help="Exact ray tracing of Catmull-Clark subdivision surfaces.",
@@ -36,7 +40,13 @@ app = typer.Typer(
 )
 
 ModelArgument = Annotated[
-    Path, typer.Argument(metavar="MODEL", help="Cage: a Wavefront OBJ file (with `t` tags).")
+    Path,
+    typer.Argument(
+        metavar="MODEL", help="Cage: a Wavefront OBJ file (with `t` tags), or a USD file."
+    ),
+]
+PrimOption = Annotated[
+    str | None, typer.Option(help="Path of the one mesh to take from a USD file.")
 ]
 LevelOption = Annotated[
     int | None,
@@ -79,6 +89,14 @@ def _parse_names(option: str, text: str, choices: tuple[str, ...]) -> tuple[str,
     return names
 
 
+def _parse_attributes(text: str) -> tuple[str, ...]:
+    """Names of attributes; those of primvars are checked against the scene later."""
+    names = tuple(dict.fromkeys(name for name in text.split(",") if name))
+    plain = ",".join(name for name in names if not name.startswith(PRIMVAR_PREFIX))
+    _parse_names("--attributes", plain, ATTRIBUTES)
+    return names
+
+
 def _check_suffix(output: Path, suffixes: tuple[str, ...]) -> None:
     if output.suffix.lower() not in suffixes:
         raise typer.BadParameter(
@@ -96,6 +114,10 @@ def _load_rays(path: Path) -> NDArray[Any]:
 
 def _vector_option(text: str) -> Any:
     return typer.Option(metavar="X,Y,Z", parser=_parse_vector, help=text)
+
+
+app.command("convert")(convert_command)
+app.command("bench")(bench_command)
 
 
 @app.callback(invoke_without_command=True)
@@ -119,8 +141,25 @@ def render_command(
     ],
     eye: Annotated[Any, _vector_option("Position of the camera; framed automatically.")] = None,
     center: Annotated[Any, _vector_option("Point to look at; needs --eye.")] = None,
-    up: Annotated[Any, _vector_option("Direction that points up.")] = "0,1,0",
+    up: Annotated[
+        Any, _vector_option("Direction that points up; 0,1,0 unless a USD stage says otherwise.")
+    ] = None,
     fov: Annotated[float, typer.Option(help="Horizontal field of view, degrees.")] = 28.0,
+    camera_path: Annotated[
+        str | None, typer.Option("--camera", metavar="PATH", help="Camera of a USD stage.")
+    ] = None,
+    prim: PrimOption = None,
+    time_code: Annotated[
+        float | None,
+        typer.Option("--time", help="Time code of a USD stage; its start unless given."),
+    ] = None,
+    texture: Annotated[
+        Path | None,
+        typer.Option(
+            help="Colours: a .png, .jpg or .exr image on the texture coordinates; <UDIM> in its "
+            "name stands for tile numbers."
+        ),
+    ] = None,
     size: Annotated[
         Any, typer.Option(metavar="WxH", parser=_parse_size, help="Picture size in pixels.")
     ] = "960x720",
@@ -150,6 +189,10 @@ def render_command(
         limitray render spot.obj -o close.png --eye 1,2,4 --center 0,0.5,0 --fov 20
 
         limitray render spot.obj -o layers.exr --aov depth,normal,face
+
+        limitray render spot.obj -o spot.png --texture spot_texture.png
+
+        limitray render shot.usd -o shot.png --camera /World/Camera --time 24
     """
     layers = _parse_names("--aov", aov, AOVS)
     _parse_names("--integrator", integrator, INTEGRATORS)
@@ -158,12 +201,16 @@ def render_command(
         raise typer.BadParameter("needs an output that ends in .exr", param_hint="--aov")
     if (eye is None) != (center is None):
         raise typer.BadParameter("go together", param_hint="--eye and --center")
-    camera = Camera(eye, center, up, fov) if eye is not None else None
+    if eye is not None and camera_path is not None:
+        raise typer.BadParameter("exclude each other", param_hint="--eye and --camera")
     cli_output.check_writable(output)
 
-    scene = Scene(threads=threads)
-    scene.add_mesh(Mesh.from_file(model), isolation_level)
+    scene = load_model(model, prim, time_code, isolation_level, threads)
+    if texture is not None:
+        set_texture(scene, Texture.from_file(texture))
     width, height = size
+    up = up or (scene.stage.up if scene.stage else (0.0, 1.0, 0.0))
+    camera = Camera(eye, center, up, fov) if eye is not None else stage_camera(scene, camera_path)
     camera = camera or Camera.frame(scene, width / height, up=up, fov_deg=fov)
     scene.reset_statistics()
     start = time.perf_counter()
@@ -184,7 +231,10 @@ def render_command(
 
 @app.command("info")
 def info_command(
-    model: ModelArgument, isolation_level: LevelOption = None, as_json: JsonOption = False
+    model: ModelArgument,
+    prim: PrimOption = None,
+    isolation_level: LevelOption = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Prints what MODEL is made of: faces, vertices, creases, patches, memory, warnings.
 
@@ -194,7 +244,7 @@ def info_command(
 
         limitray info spot.obj --isolation-level 6 --json
     """
-    facts = mesh_info(Mesh.from_file(model), isolation_level)
+    facts = mesh_info(Mesh.from_file(model, prim), isolation_level)
     if as_json:
         print(json.dumps({"model": str(model), **facts}, indent=2))
     else:
@@ -212,10 +262,15 @@ def cast_command(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Hits to write: .npz.")],
     attributes: Annotated[
-        str, typer.Option(metavar="A,B,..", help=f"Also write: {', '.join(ATTRIBUTES)}.")
+        str,
+        typer.Option(
+            metavar="A,B,..",
+            help=f"Also write: {', '.join(ATTRIBUTES)}, and primvars such as primvars:st.",
+        ),
     ] = "",
     tnear: Annotated[float, typer.Option(help="Hits lie beyond this t.")] = 0.0,
     tfar: Annotated[float, typer.Option(help="Hits lie up to this t.")] = float("inf"),
+    prim: PrimOption = None,
     isolation_level: LevelOption = None,
     threads: ThreadsOption = 0,
     as_json: JsonOption = False,
@@ -232,12 +287,11 @@ def cast_command(
 
         limitray cast spot.obj rays.npy -o hits.npz --attributes points,dp_du,dp_dv
     """
-    names = _parse_names("--attributes", attributes, ATTRIBUTES)
+    names = _parse_attributes(attributes)
     _check_suffix(output, (".npz",))
     cli_output.check_writable(output)
     array = _load_rays(rays)
-    scene = Scene(threads=threads)
-    scene.add_mesh(Mesh.from_file(model), isolation_level)
+    scene = load_model(model, prim, None, isolation_level, threads)
 
     start = time.perf_counter()
     count = array.size // 6

@@ -1,7 +1,8 @@
-"""Materials: the base colour of surfaces, from a constant, a primvar or an image texture."""
+"""Materials of surfaces: a base colour, from a constant, a primvar or an image texture, and a finish."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,10 @@ CLAY = (0.70, 0.61, 0.535)
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """The base colour of a surface.
+    """What a surface is made of.
+
+    Without a roughness it is plain diffuse. With one it is a rough dielectric over a diffuse base, or
+    a rough metal; the integrator "path" shows that.
 
     Parameters
     ----------
@@ -33,12 +37,32 @@ class Material:
         Primvar with the texture coordinates (two components).
     color_primvar : str, optional
         Primvar with linear colours (three components); a texture goes before it.
+    roughness : float, optional
+        0.05 (nearly a mirror) to 1.
+    metallic : float
+        0 (dielectric) to 1 (metal, with the base colour as its reflectance).
+    ior : float
+        Index of refraction of the dielectric, 1 to 4.
+
+    Raises
+    ------
+    ValueError
+        A number is out of its range.
     """
 
     base_color: tuple[float, float, float] = CLAY
     texture: Texture | None = None
     texture_primvar: str = "st"
     color_primvar: str | None = None
+    roughness: float | None = None
+    metallic: float = 0.0
+    ior: float = 1.5
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("roughness", 0.05, 1), ("metallic", 0, 1), ("ior", 1, 4)):
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{name} must be {low} to {high}, not {value}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,17 +125,36 @@ def base_colors(
     each. Without a footprint textures are not filtered.
     """
     colours = np.empty((len(hits["t_hit"]), 3))
-    sets = scene.material_sets(hits["geometry_ids"])
-    for material_set, rows in sets:
-        of_face = np.zeros(len(rows), np.intp)
-        if material_set.faces is not None:
-            of_face = material_set.faces[hits["primitive_ids"][rows]]
-        for index in np.unique(of_face):
-            here = rows[of_face == index]
-            part = {name: values[here] for name, values in hits.items()}
-            spread = footprint and Footprint(footprint.d_dx[here], footprint.d_dy[here])
-            colours[here] = _colors(scene, material_set.materials[index], part, spread)
+    for material, here in _materials(scene, hits):
+        part = {name: values[here] for name, values in hits.items()}
+        spread = footprint and Footprint(footprint.d_dx[here], footprint.d_dy[here])
+        colours[here] = _colors(scene, material, part, spread)
     return colours
+
+
+def rough_parameters(
+    scene: Scene, hits: dict[str, NDArray[Any]]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Roughness (0: plain diffuse), metallic, and reflectance at normal incidence, each (n,)."""
+    roughness, metallic, reflectance = np.zeros((3, len(hits["t_hit"])), np.float32)
+    for material, here in _materials(scene, hits):
+        if material.roughness is not None:
+            roughness[here], metallic[here] = material.roughness, material.metallic
+            reflectance[here] = ((material.ior - 1) / (material.ior + 1)) ** 2
+    return roughness, metallic, reflectance
+
+
+def _materials(
+    scene: Scene, hits: dict[str, NDArray[Any]]
+) -> Iterator[tuple[Material, NDArray[np.intp]]]:
+    """Each material that was hit, and the rows that have it."""
+    for material_set, rows in scene.material_sets(hits["geometry_ids"]):
+        if material_set.faces is None:
+            yield material_set.materials[0], rows
+            continue
+        of_face = material_set.faces[hits["primitive_ids"][rows]]
+        for index in np.unique(of_face):
+            yield material_set.materials[index], rows[of_face == index]
 
 
 def _colors(

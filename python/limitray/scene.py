@@ -18,6 +18,7 @@ from limitray._arrays import (
     to_array,
     transform_matrix,
 )
+from limitray.gpu import BACKENDS, GpuScene
 from limitray.material import Material, MaterialSet
 from limitray.mesh import Mesh
 
@@ -28,6 +29,7 @@ INVALID_ID = 0xFFFFFFFF
 """Id reported for a miss."""
 
 DEFAULT_ISOLATION_LEVEL = 4
+DEVICES = ("cpu", "gpu", *BACKENDS)
 HIT_KEYS = (
     "t_hit",
     "geometry_ids",
@@ -49,8 +51,10 @@ class Scene:
 
     Parameters
     ----------
-    device : {"cpu"}
-        Where rays are traced.
+    device : {"cpu", "gpu", "vulkan", "cuda", "metal"}
+        Where rays are traced. "gpu" takes the first backend that has a GPU; all but "cpu" need
+        the extra `limitray[gpu]` and answer float32 rays only, of cast_rays and test_occlusions;
+        what is answered in double (count_intersections, list_intersections) is traced on the CPU.
     threads : int
         Threads of the tracer; 0 takes all cores. The answers do not depend on it.
 
@@ -67,12 +71,16 @@ class Scene:
     """
 
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
-        if device == "gpu":
-            raise ValueError('device "gpu" is not available in this version; available: "cpu"')
-        one_of("device", device, ("cpu",))
-        self._scene = _core.Scene(positive_int("threads", threads, minimum=0))
+        one_of("device", device, DEVICES)
+        positive_int("threads", threads, minimum=0)
+        self._scene: _core.Scene | GpuScene
+        if device == "cpu":
+            self._scene = _core.Scene(threads)
+        else:
+            self._scene = GpuScene(device, threads)
         self._material_sets: list[MaterialSet] = [MaterialSet()]
         self._material_set_of: list[int] = []
+        self._primvar_names: dict[str, None] = {}
         self.stage: Stage | None = None
         """What the USD stage says that the scene was loaded from."""
 
@@ -106,6 +114,7 @@ class Scene:
             raise ValueError(f"isolation_level must be 1 to 10, not {level}")
         added = self._scene.add_mesh(mesh._cage, int(level), transform_matrix(transform))
         self._material_set_of.append(0)
+        self._primvar_names |= dict.fromkeys(mesh.primvars)
         return added
 
     def add_instance(self, geometry_id: int, transform: ArrayLike) -> int:
@@ -161,6 +170,10 @@ class Scene:
         """Whether any mesh has been given a material."""
         return len(self._material_sets) > 1
 
+    def primvar_names(self) -> tuple[str, ...]:
+        """Names of the primvars that any mesh has."""
+        return tuple(self._primvar_names)
+
     def primvar_width(self, name: str) -> int:
         """Components of a primvar; 0 if no mesh has it.
 
@@ -197,14 +210,14 @@ class Scene:
         ValueError
             No mesh has the primvar, or a place is out of range.
         """
-        ids = [
+        geometries, faces, quads = (
             np.ascontiguousarray(to_array(key, values).astype(np.uint32))
             for key, values in zip(PRIMVAR_PLACES, (geometry_ids, primitive_ids, sub_quads))
-        ]
+        )
         uvs = real_array("primitive_uvs", primitive_uvs, (None, 2))
         if self.primvar_width(name) == 0:
             raise ValueError(f'primvar "{name}": no mesh has it')
-        return self._scene.evaluate_primvar(name, *ids, uvs)
+        return self._scene.evaluate_primvar(name, geometries, faces, quads, uvs)
 
     def update_points(self, geometry_id: int, points: ArrayLike) -> None:
         """Moves the control points (n, 3) of a mesh; their number and the topology stay."""

@@ -115,7 +115,7 @@ class Texture:
         """
         path = Path(path)
         if _UDIM not in path.name:
-            return cls(_read(path, color_space), wrap_s, wrap_t)
+            return cls(read_image(path, color_space), wrap_s, wrap_t)
         tiles = {_tile_number(path, file): file for file in sorted(path.parent.glob("*"))}
         return cls.from_tiles({number: file for number, file in tiles.items() if number}, path)
 
@@ -131,7 +131,7 @@ class Texture:
             raise FileNotFoundError(2, "no UDIM tile found", str(name))
         texture = cls.__new__(cls)
         texture._tiles = {
-            ((number - 1001) % 10, (number - 1001) // 10): _Pyramid.of(_read(file, color_space))
+            ((number - 1001) % 10, (number - 1001) // 10): _Pyramid.of(read_image(file, color_space))
             for number, file in files.items()
         }
         texture._udim = True
@@ -254,7 +254,8 @@ def _tile_number(pattern: Path, file: Path) -> int:
     return int(match[1]) if match and int(match[1]) > 1000 else 0
 
 
-def _read(path: Path, color_space: str) -> NDArray[np.float32]:
+def read_image(path: Path, color_space: ColorSpace = "auto") -> NDArray[np.float32]:
+    """Linear colours (h, w, 3) of a PNG, JPEG or EXR file; row 0 is the top."""
     return _decode(path.read_bytes(), str(path), color_space)
 
 

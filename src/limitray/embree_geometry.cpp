@@ -13,9 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "limitray/bvh/bounds.h"
-#include "limitray/intersect/kernels.h"
-#include "limitray/patches/refine.h"
+#include "limitray/geometry.h"
 
 namespace limitray {
 
@@ -29,11 +27,6 @@ struct EmbreeSurface {
 
 namespace {
 
-const PatchBump<float>* bump_of(const PatchBuffer<float>& p, std::size_t patch) {
-  const std::uint32_t bump = p.infos[patch].bump;
-  return bump == no_bump ? nullptr : &p.bumps[bump];
-}
-
 const EmbreeSurface& surface_of(void* user_pointer) {
   return *static_cast<const EmbreeSurface*>(user_pointer);
 }
@@ -44,17 +37,11 @@ float add_outward(double a, float b, bool up) {
   return std::nextafter(static_cast<float>(a + double(b)), up ? infinity : -infinity);
 }
 
-/// The boxes of all patches together, as the kernels clip rays to.
-Extent extent_of(const PatchBuffer<float>& p) {
+/// All patches in one box.
+Box union_of(const std::vector<Box>& boxes) {
   Box all;
-  for (std::size_t i = 0; i < p.size(); ++i)
-    all.add(kernels().patch_bounds(p.nets[i], bump_of(p, i), box_padding(p.radius)));
-  Extent e{p.origin, {}, p.radius};
-  for (int i = 0; i < 3 && p.size() > 0; ++i) {
-    e.half[i] = std::max(double(-all.lo[i]), double(all.hi[i])) + 1e-7 * p.radius;
-    e.radius = std::max(e.radius, e.half[i]);
-  }
-  return e;
+  for (const Box& box : boxes) all.add(box);
+  return all;
 }
 
 void bounds(const RTCBoundsFunctionArguments* a) {
@@ -121,16 +108,15 @@ EmbreeGeometry::EmbreeGeometry(const ControlCage& cage, int isolation_level)
     : surface_(std::make_unique<EmbreeSurface>()) {
   validate(cage);
   EmbreeSurface& s = *surface_;
-  s.patches = round_patches<float>(Refiner(cage, {isolation_level}).make_patches(cage.points));
-  for (std::size_t i = 0; i < s.patches.size(); ++i)
-    s.patches.models.push_back(kernels().patch_model_f(s.patches.nets[i], bump_of(s.patches, i)));
+  s.patches =
+      patches_to_trace<float>(Refiner(cage, {isolation_level}).make_patches(cage.points), {});
   s.view.nets = s.patches.nets.data();
   s.view.bumps = s.patches.bumps.data();
   s.view.infos = s.patches.infos.data();
   s.view.models = s.patches.models.data();
   s.view.left_handed = cage.orientation == Orientation::left_handed;
   for (std::int32_t sides : cage.face_vertex_counts) s.is_quad.push_back(sides == 4);
-  s.view.extent = extent_of(s.patches);
+  s.view.extent = extent_of(union_of(boxes_of(s.patches)), s.patches.origin, s.patches.radius);
   // Embree's boxes are not relative to the surface's centre.
   const Vec3d& o = s.patches.origin;
   s.padding =

@@ -6,6 +6,8 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
+#include <limits>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -17,6 +19,7 @@
 #include "limitray/bvh/bounds.h"
 #include "limitray/cage/cage.h"
 #include "limitray/intersect/kernels.h"
+#include "limitray/limits.h"
 #include "limitray/patches/primvar_surface.h"
 #include "limitray/patches/refine.h"
 
@@ -69,10 +72,17 @@ struct Geometry {
   Geometry(ControlCage c, const RefineOptions& o)
       : cage(std::move(c)), options(o), refiner(cage, options) {}
 
+  /// A surface of one point is given a size above 0, so that bounds on rounding are, too.
+  PatchBuffer<double> make_patches(std::span<const Vec3d> points) const {
+    PatchBuffer<double> made = refiner.make_patches(points);
+    made.radius = std::max(made.radius, smallest_extent);
+    return made;
+  }
+
   const PatchBuffer<double>& in_double() const {
     const std::lock_guard lock(mutex);
     if (patches_double.size() != patches.size())
-      patches_double = patches_to_trace<double>(refiner.make_patches(cage.points), bvh.order);
+      patches_double = patches_to_trace<double>(make_patches(cage.points), bvh.order);
     return patches_double;
   }
 
@@ -92,6 +102,28 @@ struct Geometry {
     return surface.get();
   }
 };
+
+/// Lower and upper corner of the box around a tree under `to_world`; inverted for an empty one.
+inline std::array<Vec3d, 2> placed_bounds(const PatchBuffer<float>& patches, const Bvh& bvh,
+                                          const Affine& to_world) {
+  const double inf = std::numeric_limits<double>::infinity();
+  std::array<Vec3d, 2> b{Vec3d{inf, inf, inf}, Vec3d{-inf, -inf, -inf}};
+  if (bvh.nodes.empty()) return b;
+  for (int corner = 0; corner < 8; ++corner) {
+    Vec3d p = patches.origin;
+    for (int i = 0; i < 3; ++i)
+      p[i] += double(corner >> i & 1 ? bvh.bounds.hi[i] : bvh.bounds.lo[i]);
+    p = to_world.point(p);
+    for (int i = 0; i < 3; ++i) {
+      b[0][i] = std::min(b[0][i], p[i]);
+      b[1][i] = std::max(b[1][i], p[i]);
+    }
+  }
+  return b;
+}
+inline std::array<Vec3d, 2> placed_bounds(const Geometry& g, const Affine& to_world) {
+  return placed_bounds(g.patches, g.bvh, to_world);
+}
 
 /// The extent of a tree and of the control values of its patches.
 inline Extent extent_of(const Box& bounds, const Vec3d& center, double radius) {

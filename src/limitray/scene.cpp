@@ -12,6 +12,7 @@
 #include <string>
 
 #include "limitray/geometry.h"
+#include "limitray/limits.h"
 
 namespace limitray {
 namespace {
@@ -121,21 +122,7 @@ struct Scene::State {
       : arena(threads == 0 ? int(tbb::task_arena::automatic) : threads) {}
 
   std::array<Vec3d, 2> world_bounds(const InstanceView& in) const {
-    const Geometry& g = *geometries[in.geometry];
-    const double inf = std::numeric_limits<double>::infinity();
-    std::array<Vec3d, 2> b{Vec3d{inf, inf, inf}, Vec3d{-inf, -inf, -inf}};
-    if (g.bvh.nodes.empty()) return b;
-    for (int corner = 0; corner < 8; ++corner) {
-      Vec3d p = g.patches.origin;
-      for (int i = 0; i < 3; ++i)
-        p[i] += double(corner >> i & 1 ? g.bvh.bounds.hi[i] : g.bvh.bounds.lo[i]);
-      p = in.to_world.point(p);
-      for (int i = 0; i < 3; ++i) {
-        b[0][i] = std::min(b[0][i], p[i]);
-        b[1][i] = std::max(b[1][i], p[i]);
-      }
-    }
-    return b;
+    return placed_bounds(*geometries[in.geometry], in.to_world);
   }
 
   /// Rebuilds the tree over the instances if one of them changed.
@@ -253,17 +240,19 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
   };
   const Affine to_object = inverse(options.transform);
   validate(cage);
+  check_extent(cage, cage.points);
   state_->arena.execute([&] {
     stop();
     auto g = std::make_unique<Geometry>(std::move(cage), RefineOptions{options.isolation_level});
     stop();
-    const PatchBuffer<double> patches = g->refiner.make_patches(g->cage.points);
+    const PatchBuffer<double> patches = g->make_patches(g->cage.points);
     stop();
     // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
     g->bvh = build_bvh(boxes_of(round_patches<float>(patches)));
     stop();
     g->patches = patches_to_trace<float>(patches, g->bvh.order);
     g->build_seconds = seconds_since(start);
+    check_placed(placed_bounds(*g, options.transform));
     state_->geometries.push_back(std::move(g));
   });
   state_->instances.push_back({std::uint32_t(state_->geometries.size() - 1),
@@ -274,20 +263,32 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
 
 std::uint32_t Scene::add_instance(std::uint32_t geometry_id, const Affine& transform) {
   const std::uint32_t geometry = state_->instance(geometry_id).geometry;
-  state_->instances.push_back({geometry, is_identity(transform), inverse(transform), transform});
+  const Affine to_object = inverse(transform);
+  check_placed(placed_bounds(*state_->geometries[geometry], transform));
+  state_->instances.push_back({geometry, is_identity(transform), to_object, transform});
   state_->top_is_stale = true;
   return std::uint32_t(state_->instances.size() - 1);
 }
 
 void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> points) {
-  Geometry& g = *state_->geometries[state_->instance(geometry_id).geometry];
+  const std::uint32_t geometry = state_->instance(geometry_id).geometry;
+  Geometry& g = *state_->geometries[geometry];
   check_points(points, g.cage.points.size());
+  check_extent(g.cage, points);
+  // All is made before anything is replaced: an error leaves the scene as it was.
+  std::vector<Vec3d> kept(points.begin(), points.end());
+  PatchBuffer<float> patches;
+  Bvh bvh = g.bvh;
   state_->arena.execute([&] {
-    g.patches = patches_to_trace<float>(g.refiner.make_patches(points), g.bvh.order);
-    g.cage.points.assign(points.begin(), points.end());
-    g.patches_double = PatchBuffer<double>{};
-    refit_bvh(g.bvh, boxes_of(g.patches));
+    patches = patches_to_trace<float>(g.make_patches(points), bvh.order);
+    refit_bvh(bvh, boxes_of(patches));
   });
+  for (const InstanceView& in : state_->instances)
+    if (in.geometry == geometry) check_placed(placed_bounds(patches, bvh, in.to_world));
+  g.patches = std::move(patches);
+  g.bvh = std::move(bvh);
+  g.cage.points = std::move(kept);
+  g.patches_double = PatchBuffer<double>{};
   state_->top_is_stale = true;
 }
 

@@ -27,7 +27,7 @@ class WatertightTest : public testing::TestWithParam<const char*> {
   LeakCounts run_all_kinds(std::size_t rays) {
     LeakCounts all;
     for (int k = 0; k < test::ray_kinds; ++k) {
-      const LeakCounts c = cage.run<T>(RayKind(k), rays / test::ray_kinds);
+      const LeakCounts c = cage.run_share<T>(RayKind(k), rays);
       EXPECT_EQ(c.leaks, 0u) << name_of(RayKind(k)) << ", " << c.rays << " rays";
       EXPECT_EQ(c.unresolved, 0u) << name_of(RayKind(k));
       all.add(c);

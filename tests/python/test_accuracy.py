@@ -18,7 +18,7 @@ GREGORY = 1e-3
 EXACT = {np.float32: 1e-6, np.float64: 1e-13}
 # Largest distance of the reported surface point from the reported point of the ray, beyond the
 # bound on t: reached where a patch is seen edge-on and (u, v) is known least.
-EDGE_ON = {np.float32: 2e-4, np.float64: 1e-12}
+EDGE_ON = {np.float32: 5e-5, np.float64: 1e-12}
 
 ids = [path.stem for path in CAGES + MODELS]
 
@@ -42,7 +42,7 @@ def test_hits_lie_on_the_ray_and_on_the_limit(path, dtype):
     off_ray = np.linalg.norm(hit["points"][found] - on_ray, axis=1)
     assert (off_ray <= bound + size * EDGE_ON[dtype]).all()
     assert np.median(off_ray) <= size * EXACT[dtype]
-    assert np.median(bound) <= size * EDGE_ON[dtype]
+    assert np.median(bound) <= size * 4 * EDGE_ON[dtype]
 
     limit = mesh.limit(hit["primitive_ids"][found], hit["primitive_uvs"][found],
                        hit["sub_quads"][found])  # fmt: skip

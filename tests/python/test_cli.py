@@ -137,7 +137,7 @@ def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys
     assert sorted(tmp_path.iterdir()) == before
 
 
-@pytest.mark.parametrize("command", [[], ["render"], ["info"], ["cast"]])
+@pytest.mark.parametrize("command", [[], ["render"], ["info"], ["cast"], ["convert"]])
 def test_help_teaches(command, capsys):
     assert main([*command, "--help"]) == 0
     text = capsys.readouterr().out
@@ -145,17 +145,18 @@ def test_help_teaches(command, capsys):
         assert "Examples" in text
         assert f"limitray {command[0]} " in text
     else:
-        assert all(name in text for name in ("render", "info", "cast", "Exit codes"))
+        assert all(name in text for name in ("render", "info", "cast", "convert", "Exit codes"))
 
 
 def test_examples_in_the_help_run(capsys):
     """Each example line, with the model and sizes replaced by small ones."""
     np.save("rays.npy", rays_towards(scene_of(cage("cube")), 10))
-    shutil.copy(CUBE, "spot.obj")
-    for command in ("render", "info", "cast"):
+    shutil.copy(REPOSITORY / "tests/cages/cube_seams.obj", "spot.obj")
+    Image.new("RGB", (4, 4)).save("spot_texture.png")
+    for command in ("render", "info", "cast", "convert"):
         main([command, "--help"])
         examples = re.findall(r"limitray (\w+ spot\.obj.*)", capsys.readouterr().out)
-        assert len(examples) >= 2
+        assert len(examples) >= (1 if command == "convert" else 2)
         for example in examples:
             arguments = example.split()
             arguments += TINY if command == "render" else []

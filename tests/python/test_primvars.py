@@ -234,7 +234,9 @@ def test_rule_all_is_bilinear():
             np.testing.assert_allclose(d_du[row], across, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", ["torus_creases", "cube_semi_2_5", "prism_5", "icosahedron_smooth"])
+@pytest.mark.parametrize(
+    "name", ["torus_creases", "cube_semi_2_5", "prism_5", "icosahedron_smooth"]
+)
 def test_vertex_primvar_is_like_the_points(name):
     cage = lr.Mesh.from_file(CAGES / f"{name}.obj")
     edges, sharpnesses = cage.crease_edges
@@ -262,6 +264,28 @@ def test_vertex_primvar_is_like_the_points(name):
         assert np.abs(values[found, :3] - hit[key][found]).max() < 1e-6 * scale
         np.testing.assert_array_equal(values[found, 3:], values[found, :2])
         assert not values[~found].any()
+
+
+@pytest.mark.parametrize("name", ["torus_creases", "cube_semi_2_5", "cube_semi_3_7", "dart_semi"])
+def test_creases_shape_primvars_too(name):
+    """Without seams a face-varying primvar that starts as the points ends as the surface."""
+    cage = lr.Mesh.from_file(CAGES / f"{name}.obj")
+    edges, sharpnesses = cage.crease_edges
+    mesh = lr.Mesh(
+        cage.points,
+        cage.face_vertex_counts,
+        cage.face_vertex_indices,
+        cage.interpolate_boundary,
+        crease_indices=edges.ravel(),
+        crease_lengths=np.full(len(edges), 2),
+        crease_sharpnesses=sharpnesses,
+        primvars={"rest": lr.FaceVarying(cage.points, cage.face_vertex_indices)},
+    )
+    faces, sub_quads, uv = places(mesh, 2000)
+    values = evaluate(mesh, "rest", faces, sub_quads, uv, 6)[0]
+    errors = np.abs(values - mesh.limit(faces, uv, sub_quads)["points"]).max(axis=1)
+    assert np.quantile(errors, 0.9) < 1e-6
+    assert errors.max() < 2e-3
 
 
 def test_other_interpolations():
@@ -315,7 +339,7 @@ def test_linear_map_is_reproduced():
     _, sub_quads, uv = places(mesh, 500)
     inner = np.full(500, 14)
     values, d_du, d_dv = evaluate(mesh, "st", inner, sub_quads, uv)
-    np.testing.assert_allclose(values * 6, uv + [2, 2], atol=3e-7)
+    np.testing.assert_allclose(values * 6, np.add(uv, 2), atol=3e-7)
     np.testing.assert_allclose(d_du * 6, np.tile([1, 0], (500, 1)), atol=1e-6)
     np.testing.assert_allclose(d_dv * 6, np.tile([0, 1], (500, 1)), atol=1e-6)
 

@@ -14,6 +14,12 @@
 
 namespace limitray::test {
 
+/// Uniform in [0,1): std::uniform_real_distribution costs more than tracing a ray.
+template <class Generator>
+double unit_random(Generator& g) {
+  return double(g() >> 11) * 0x1p-53;
+}
+
 /// Whether each edge of `cage` has two faces that wind in opposite directions, and no face is a hole.
 inline bool is_closed(const ControlCage& cage) {
   std::map<std::pair<int, int>, int> directed;
@@ -62,7 +68,7 @@ class SurfaceTargets {
   template <class Generator>
   Target pick(TargetKind kind, Generator& g) const {
     std::size_t patch = g() % patches_.size();
-    const double x = std::uniform_real_distribution<double>(0, 1)(g);
+    const double x = unit_random(g);
     const double dyadic = double(g() % 17) / 16;
     int side = int(g() % 4), corner = int(g() % 4);
     switch (kind) {
@@ -83,7 +89,7 @@ class SurfaceTargets {
       case TargetKind::interior:
         break;
     }
-    return at(patch, x, std::uniform_real_distribution<double>(0, 1)(g));
+    return at(patch, x, unit_random(g));
   }
 
   /// The surface of patch i at (s,t).

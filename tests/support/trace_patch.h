@@ -23,6 +23,7 @@ struct Root {
 struct SearchResult {
   PatchCounters count;
   bool ray_accepted = false;
+  double eps = 0;  // the larger one of the search's own bounds on x and y
 };
 
 /// Appends the roots of `p` on `ray`; with `closest`, what is farther than the nearest so far is left
@@ -37,17 +38,20 @@ SearchResult find_roots(const RoundedPatch<T>& p, double radius, const ObjectRay
   T zmax = r.zmax;
   const PatchBump<T>* bump = p.bump_or_null();
   const PatchModel<T> model = make_patch_model(p.net, bump);
+  const ProjectedModel<T> m = project(model, r);
+  result.eps = double(std::max(m.eps_x, m.eps_y));
   const auto on_hit = [&](const PatchRoot<T>& root, T& z) {
-    roots.push_back({r.t_of(root.z), t_error(model, r, root.radius), root.u, root.v});
+    roots.push_back({r.t_of(root.z), t_error(model, r, root.radius) + root.spread * r.t_scale,
+                     root.u, root.v});
     if (closest) z = std::min(z, root.z);
     return false;
   };
   if (search == Search::full)
     intersect_patch<T, true>(p.net, bump, model, r, zmax, on_hit, result.count);
   else if (search == Search::newton_on_subpatches)
-    bisect_patch<T, true>(p.net, bump, project(model, r), r, zmax, on_hit, result.count);
+    bisect_patch<T, true>(p.net, bump, m, r, zmax, on_hit, result.count);
   else
-    bisect_patch<T, false>(p.net, bump, project(model, r), r, zmax, on_hit, result.count);
+    bisect_patch<T, false>(p.net, bump, m, r, zmax, on_hit, result.count);
   return result;
 }
 

@@ -21,6 +21,8 @@ namespace limitray::test {
 
 enum class RayKind { through_to_inside, from_inside, random_from_inside, grazing, coherent };
 inline constexpr int ray_kinds = 5;
+/// How many of a hundred rays are of each kind: a grazing ray costs as much as ten others.
+inline constexpr int ray_percent[ray_kinds] = {30, 25, 20, 5, 20};
 inline const char* name_of(RayKind k) {
   constexpr const char* names[] = {"outside, through the target to a point inside",
                                    "inside, at the target", "inside, anywhere",
@@ -61,6 +63,11 @@ class WatertightCage {
   /// The first leaking rays, for the report: origin, direction.
   const std::vector<std::string>& examples() const { return examples_; }
 
+  /// Casts one kind's share of `all` rays, rounded to T.
+  template <class T>
+  LeakCounts run_share(RayKind kind, std::size_t all) {
+    return run<T>(kind, all * std::size_t(ray_percent[int(kind)]) / 100);
+  }
   /// Casts n rays of one kind, rounded to T.
   template <class T>
   LeakCounts run(RayKind kind, std::size_t n) {
@@ -72,13 +79,13 @@ class WatertightCage {
   }
 
  private:
-  double uniform(double lo, double hi) {
-    return std::uniform_real_distribution<double>(lo, hi)(generator_);
-  }
+  double uniform(double lo, double hi) { return lo + (hi - lo) * unit_random(generator_); }
   Vec3d direction() {
-    std::normal_distribution<double> normal;
-    const Vec3d v{normal(generator_), normal(generator_), normal(generator_)};
-    return (1 / length(v)) * v;
+    while (true) {
+      const Vec3d v{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
+      const double l = length(v);
+      if (l > 1e-3 && l <= 1) return (1 / l) * v;
+    }
   }
 
   /// Points inside by at least `margin`: seven lines around each cross the surface an odd number of
@@ -112,10 +119,16 @@ class WatertightCage {
     for (int i = 0; i < 3; ++i) rays.push_back(T(scale * (to[i] - org[i])));
   }
 
+  /// The target of the next ray: each serves eight.
+  const Target& next_target() {
+    if (target_uses_++ % 8 == 0)
+      target_ = targets_.pick(TargetKind(generator_() % target_kinds), generator_);
+    return target_;
+  }
+
   template <class T>
   Duty make_ray(RayKind kind, std::vector<T>& rays) {
-    const auto target_kind = TargetKind(generator_() % target_kinds);
-    const Target target = targets_.pick(target_kind, generator_);
+    const Target target = next_target();
     const double scale = generator_() % 4 ? 1 : std::pow(10.0, uniform(-3, 3));
     Duty duty;
     duty.aimed = true, duty.target_t = 1 / scale;
@@ -236,6 +249,8 @@ class WatertightCage {
   Scene scene_{1};
   Vec3d center_, half_;
   double radius_ = 0;
+  Target target_{};
+  std::uint64_t target_uses_ = 0;
   std::vector<Vec3d> inside_;
   std::vector<std::string> examples_;
   int coherent_step_ = 0, coherent_side_ = 0;

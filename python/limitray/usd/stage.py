@@ -6,23 +6,21 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from limitray.camera import Camera, Vector
 from limitray.mesh import USD_SUFFIXES, Mesh
 from limitray.scene import Scene
 from limitray.usd.material import MaterialReader
 from limitray.usd.mesh import read_mesh
-from limitray.usd.walk import Walk
+from limitray.usd.walk import PlacedMesh, Walk
 
 if TYPE_CHECKING:
     from pxr import Usd
 
 PURPOSES = ("default", "render")
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +99,11 @@ def load_scene(
     materials = MaterialReader(code)
     notes: list[str] = []
     paths: list[str] = []
-    for prim, placements in walk.meshes():
+    for placed in walk.meshes():
         try:
-            mesh, found = read_mesh(prim, code)
+            mesh, found = read_mesh(placed.prim, code)
             notes += found
-            paths += _add(scene, prim, mesh, placements, isolation_level, materials)
+            paths += _add(scene, mesh, placed, isolation_level, materials)
         except ValueError as error:
             notes.append(f"left out: {error}")
     if notes and not paths:
@@ -145,9 +143,9 @@ def mesh_from_usd(
     ValueError
         There is no such mesh, or several and none was chosen; or the mesh is not valid.
     """
+    stage = open_stage(path)
     from pxr import Usd, UsdGeom
 
-    stage = open_stage(path)
     if prim is None:
         meshes = [p for p in stage.Traverse(Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
         if len(meshes) != 1:
@@ -202,25 +200,27 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
 
 def _add(
     scene: Scene,
-    prim: Usd.Prim,
     mesh: Mesh,
-    placements: NDArray[np.float64],
+    placed: PlacedMesh,
     isolation_level: int | None,
     materials: MaterialReader,
 ) -> list[str]:
     """Adds a mesh with all its placements (n, 4, 4); returns a path for each geometry id."""
-    invertible = np.abs(np.linalg.det(placements[:, :3, :3])) > 0
-    if not invertible.all():
+    matrices = np.concatenate(placed.matrices)
+    invertible = np.abs(np.linalg.det(matrices[:, :3, :3])) > 0
+    paths = [path for path, keep in zip(placed.paths, invertible) if keep]
+    if len(paths) < len(matrices):
+        lost = len(matrices) - len(paths)
         materials.notes.append(
-            f"{prim.GetPath()}: {int((~invertible).sum())} placements left out: scaled to nothing"
+            f"{placed.prim.GetPath()}: left out {lost} of {len(matrices)} times: scaled to nothing"
         )
-    chosen: Any = placements[invertible]
-    if not len(chosen):
+    if not paths:
         return []
-    first = scene.add_mesh(mesh, isolation_level, chosen[0])
-    bound = materials.read(prim, mesh)
+    first, *others = matrices[invertible]
+    added = scene.add_mesh(mesh, isolation_level, first)
+    bound = materials.read(placed.prim, mesh)
     if bound is not None:
-        scene.set_material(first, *bound)
-    for transform in chosen[1:]:
-        scene.add_instance(first, transform)
-    return [str(prim.GetPath())] * len(chosen)
+        scene.set_material(added, *bound)
+    for transform in others:
+        scene.add_instance(added, transform)
+    return paths

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +18,15 @@ Matrices = NDArray[np.float64]
 
 
 @dataclass
-class _Placed:
-    """One mesh of the file: a prim that stands for it, and its world matrices (n, 4, 4)."""
+class PlacedMesh:
+    """One mesh of the file: a prim that stands for it, and where it stands.
+
+    `matrices` are arrays (n, 4, 4) to be joined, `paths` one path for each matrix.
+    """
 
     prim: Usd.Prim
     matrices: list[Matrices] = field(default_factory=list)
+    paths: list[str] = field(default_factory=list)
 
 
 class Walk:
@@ -40,19 +43,18 @@ class Walk:
         self._time = time
         self._purposes = purposes
         self._transforms = UsdGeom.XformCache(time)
-        self._placed: dict[str, _Placed] = {}
+        self._placed: dict[str, PlacedMesh] = {}
         self._others: Counter[str] = Counter()
         self.notes: list[str] = []
 
-    def meshes(self) -> Iterator[tuple[Usd.Prim, Matrices]]:
-        """Each mesh with the world matrices (n, 4, 4) of its placements; n is at least 1."""
+    def meshes(self) -> list[PlacedMesh]:
+        """Each mesh with its placements, at least one."""
         self._visit(self._stage.GetPseudoRoot(), np.eye(4)[np.newaxis], prototype=False)
         self.notes += [
             f"{count} {kind} prims left out: they are no meshes"
             for kind, count in sorted(self._others.items())
         ]
-        for placed in self._placed.values():
-            yield placed.prim, np.concatenate(placed.matrices)
+        return list(self._placed.values())
 
     def cameras(self) -> dict[str, Camera]:
         """Perspective cameras by path."""
@@ -104,8 +106,9 @@ class Walk:
 
     def _place(self, prim: Usd.Prim, matrices: Matrices) -> None:
         shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        placed = self._placed.setdefault(str(shared.GetPath()), _Placed(prim))
+        placed = self._placed.setdefault(str(shared.GetPath()), PlacedMesh(prim))
         placed.matrices.append(matrices)
+        placed.paths += [str(prim.GetPath())] * len(matrices)
 
     def _instancer(
         self, instancer: UsdGeom.PointInstancer, root: Usd.Prim, parents: Matrices, prototype: bool

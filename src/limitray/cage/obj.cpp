@@ -123,7 +123,7 @@ class TagReader {
 };
 
 // Makes the primvar "st" if every face corner has a texture coordinate.
-void take_texture_coordinates(const tinyobj::attrib_t& attrib, const tinyobj::mesh_t& mesh,
+void take_texture_coordinates(const ScannedObj& scanned, const tinyobj::mesh_t& mesh,
                               const std::string& name, ControlCage& cage) {
   std::size_t without = 0;
   for (const tinyobj::index_t& index : mesh.indices) without += index.texcoord_index < 0;
@@ -135,7 +135,7 @@ void take_texture_coordinates(const tinyobj::attrib_t& attrib, const tinyobj::me
     return;
   }
   Primvar st{"st", Interpolation::face_varying, 2, {}, {}};
-  for (const double value : attrib.texcoords) st.values.push_back(static_cast<float>(value));
+  st.values.assign(scanned.texture_coordinates.begin(), scanned.texture_coordinates.end());
   for (const tinyobj::index_t& index : mesh.indices) st.indices.push_back(index.texcoord_index);
   cage.primvars.push_back(std::move(st));
 }
@@ -156,8 +156,8 @@ ControlCage parse_obj(const std::string& text, const std::string& name) {
 
   ControlCage cage;
   cage.notes = scanned.notes;
-  for (std::size_t i = 0; i + 2 < attrib.vertices.size(); i += 3) {
-    cage.points.push_back({attrib.vertices[i], attrib.vertices[i + 1], attrib.vertices[i + 2]});
+  for (std::size_t i = 0; i < scanned.points.size(); i += 3) {
+    cage.points.push_back({scanned.points[i], scanned.points[i + 1], scanned.points[i + 2]});
   }
   if (shapes.empty()) return cage;
 
@@ -166,7 +166,7 @@ ControlCage parse_obj(const std::string& text, const std::string& name) {
   for (const tinyobj::index_t& index : mesh.indices) {
     cage.face_vertex_indices.push_back(index.vertex_index);
   }
-  take_texture_coordinates(attrib, mesh, name, cage);
+  take_texture_coordinates(scanned, mesh, name, cage);
   TagReader tags(cage, scanned, name);
   for (std::size_t i = 0; i < mesh.tags.size(); ++i) tags.read(mesh.tags[i], scanned.tag_lines[i]);
   return cage;

@@ -91,10 +91,11 @@ class Scanner {
   void check(const Tokens& tokens) {
     if (tokens[0] == "v") {
       ++points_so_far_;
-      check_numbers(tokens, 3, "a point needs at least 3 coordinates");
+      check_numbers(tokens, 3, "a point needs at least 3 coordinates", out_.points, 3);
     } else if (tokens[0] == "vt") {
       ++texcoords_so_far_;
-      check_numbers(tokens, 1, "a texture coordinate needs at least 1 number");
+      check_numbers(tokens, 1, "a texture coordinate needs at least 1 number",
+                    out_.texture_coordinates, 2);
     } else if (tokens[0] == "vn") {
       ++normals_so_far_;
     } else if (tokens[0] == "f") {
@@ -104,11 +105,16 @@ class Scanner {
     }
   }
 
-  void check_numbers(const Tokens& tokens, std::size_t least, const char* rule) {
+  // Appends the first `width` numbers to `values`, 0 for those that are missing.
+  void check_numbers(const Tokens& tokens, std::size_t least, const char* rule,
+                     std::vector<double>& values, std::size_t width) {
     if (tokens.size() - 1 < least) fail(rule, tokens);
+    const std::size_t row = values.size();
+    values.resize(row + width);
     double value;
     for (std::size_t i = 1; i < tokens.size(); ++i) {
       if (!parse(tokens[i], value)) fail("not a finite number: '" + std::string(tokens[i]) + "'");
+      if (i <= width) values[row + i - 1] = value;
     }
     keep(tokens);
   }

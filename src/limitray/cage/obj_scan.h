@@ -13,7 +13,10 @@ namespace limitray {
 /// group, continued lines joined, comments removed, unknown tags removed.
 struct ScannedObj {
   std::string text;
-  std::vector<std::int32_t> face_sizes;  // corners of each face in `text`
+  // tinyobjloader rounds numbers twice; these are the doubles nearest to what is written.
+  std::vector<double> points;               // 3 a v line
+  std::vector<double> texture_coordinates;  // 2 a vt line
+  std::vector<std::int32_t> face_sizes;     // corners of each face in `text`
   /// Place in `text` of each face of the file, -1 for a face that fell away (see `notes`).
   std::vector<std::int32_t> face_places;
   std::vector<std::size_t> tag_lines;  // line in the file of each tag in `text`, from 1

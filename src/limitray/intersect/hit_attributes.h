@@ -29,28 +29,31 @@ SurfacePoint<T> evaluate_patch(const PatchNet<T>& net, const PatchBump<T>* bump,
   return r;
 }
 
-/// Unit normal p_s x p_t. Where the derivatives vanish or are parallel (a degenerate corner), the
-/// normal a little towards the middle of the patch; 0 if the patch has none.
+/// Unit normal p_s x p_t, in double: a product of four lengths leaves the range of a float. Where
+/// the derivatives vanish or are parallel (a degenerate corner), the normal a little towards the
+/// middle of the patch; 0 if the patch has none.
 template <class T>
 Vec3<T> unit_normal(const PatchNet<T>& net, const PatchBump<T>* bump, T s, T t,
                     const SurfacePoint<T>& at) {
   SurfacePoint<T> p = at;
   for (T step = T(1.0 / 1024);; step *= 4) {
-    const Vec3<T> n = cross(p.p_s, p.p_t);
-    const T l = length(n);
-    if (l > 64 * std::numeric_limits<T>::epsilon() * length(p.p_s) * length(p.p_t))
-      return (1 / l) * n;
+    const Vec3d p_s(p.p_s), p_t(p.p_t), n = cross(p_s, p_t);
+    const double l = length(n);
+    if (l > 64 * double(std::numeric_limits<T>::epsilon()) * length(p_s) * length(p_t))
+      return Vec3<T>((1 / l) * n);
     if (step > 1) return {};
     p = evaluate_patch(net, bump, s + (T(0.5) - s) * step, t + (T(0.5) - t) * step);
   }
 }
 
-/// Bound on |t - t of the surface's own hit|: the depth's rounding, plus the parametric distance
-/// `radius` times the steepest depth of the patch.
+/// Bound on |t - t of the surface's own hit|: the depth's rounding, that of the last Newton step
+/// (taken blindly when it ends within eps_x, eps_y), and the parametric distance `radius` times the
+/// steepest depth of the patch. PatchRoot::spread comes on top.
 template <class T>
 double t_error(const PatchModel<T>& model, const PatchRay<T>& ray, T radius) {
   const ProjectedModel<T> m = project(model, ray);
-  return double(m.eps_z + radius * m.z_slope) * ray.t_scale;
+  const T last_step = std::min(m.eps_x, m.eps_y);
+  return double(m.eps_z + last_step + radius * m.z_slope) * ray.t_scale;
 }
 
 }  // namespace LIMITRAY_ISA

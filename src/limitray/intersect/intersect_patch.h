@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "limitray/intersect/depth_cluster.h"
 #include "limitray/intersect/domain.h"
 #include "limitray/intersect/newton.h"
 
@@ -38,7 +39,7 @@ void to_local_frame(RootPatch<T>& p, const ProjectedModel<T>& t) {
   const T longest = std::sqrt(std::max(lu, lv));
   if (!(longest > 0)) return;
   T m[4];
-  if (std::abs(det) > T(1.0 / 64) * std::max(lu, lv)) {
+  if (std::abs(det) > T(1.0 / 8) * std::max(lu, lv)) {
     const T s = longest / det;  // keeps the patch's size, roughly
     m[0] = t.y_v * s, m[1] = -t.x_v * s, m[2] = -t.y_u * s, m[3] = t.x_u * s;
   } else {
@@ -114,13 +115,18 @@ SubPatch<T> recover(const RootPatch<T>& root, const Domain<Bits>& d) {
   return recover(root, T(d.index_u) * su, T(d.index_v) * sv, su, sv);
 }
 
+/// Size below which Bezier subpatches are recovered instead of split, so that the rounding of at most
+/// 16 splits adds up (3 u each).
+template <class T>
+inline constexpr T split_size = T(1.0 / 256);
+
 /// S3: both halves of a subpatch. A Bezier subpatch is split by de Casteljau; a Gregory one is
 /// recovered anew, with tighter blends.
 template <class T>
 void split(const RootPatch<T>& root, const SubPatch<T>& s, bool across_u, SubPatch<T> (&child)[2]) {
   const T su = across_u ? s.size_u / 2 : s.size_u, sv = across_u ? s.size_v : s.size_v / 2;
   const T u1 = across_u ? s.u0 + su : s.u0, v1 = across_u ? s.v0 : s.v0 + sv;
-  if (root.gregory) {
+  if (root.gregory || s.size_v <= split_size<T>) {
     child[0] = recover(root, s.u0, s.v0, su, sv);
     child[1] = recover(root, u1, v1, su, sv);
     return;
@@ -142,15 +148,34 @@ void split(const RootPatch<T>& root, const SubPatch<T>& s, bool across_u, SubPat
   halves(s.z, child[0].z, child[1].z);
 }
 
-/// S2 across the longer one of a subpatch's projected tangents. Near a silhouette both are
-/// parallel: the hull is thin across them, in any direction of x and y, and much longer along them.
+/// The longer one of a subpatch's mean projected tangents, (x,y), and the tangents by u and v along
+/// it. Near a silhouette the two are parallel, and the surface lies along it.
+template <class T>
+struct LongTangent {
+  T x, y, by_u, by_v;
+
+  explicit LongTangent(const SubPatch<T>& s) {
+    const Quad<T> t = sum4(sum_rows(difference_u(s.x)), sum_rows(difference_u(s.y)),
+                           sum_rows(difference_v(s.x)), sum_rows(difference_v(s.y)));
+    const bool u_longer = t[0] * t[0] + t[1] * t[1] > t[2] * t[2] + t[3] * t[3];
+    x = u_longer ? t[0] : t[2], y = u_longer ? t[1] : t[3];
+    by_u = t[0] * x + t[1] * y, by_v = t[2] * x + t[3] * y;
+  }
+};
+/// S2 across the long tangent: there the hull of a subpatch near a silhouette is thin.
 template <class T>
 bool misses_across(const SubPatch<T>& s) {
-  const Quad<T> t = sum4(sum_rows(difference_u(s.x)), sum_rows(difference_u(s.y)),
-                         sum_rows(difference_v(s.x)), sum_rows(difference_v(s.y)));
-  const bool by_u = t[0] * t[0] + t[1] * t[1] > t[2] * t[2] + t[3] * t[3];
-  const T a = by_u ? -t[1] : -t[3], b = by_u ? t[0] : t[2];
-  return misses_zero(a * s.x + b * s.y, std::abs(a) * s.dx + std::abs(b) * s.dy);
+  const LongTangent<T> t(s);
+  return misses_zero(t.x * s.y - t.y * s.x, std::abs(t.y) * s.dx + std::abs(t.x) * s.dy);
+}
+/// S3: whether the second half is the nearer one. Near a silhouette the ray meets a subpatch along a
+/// curve by_u du + by_v dv = 0; the halves are ordered by depth along it.
+template <class T>
+bool second_is_nearer(const SubPatch<T>& s, bool across_u) {
+  const LongTangent<T> t(s);
+  const T z_u = sum(sum_rows(difference_u(s.z))), z_v = sum(sum_rows(difference_v(s.z)));
+  const T slope = z_u * t.by_v - z_v * t.by_u;  // by u, times by_v; by v, times -by_u
+  return across_u ? slope * t.by_v < 0 : slope * t.by_u > 0;
 }
 /// S2 for a subpatch.
 template <class T>
@@ -200,6 +225,7 @@ template <class T, bool use_newton, class OnHit>
                   1,
                   1,
                   bump_slope<T>};
+  DepthCluster<T> cluster;
   const std::uint32_t first_split = count.splits;
   while (true) {
     bool done = false;  // with this subdomain
@@ -212,15 +238,17 @@ template <class T, bool use_newton, class OnHit>
       if (result == NewtonResult::hit && on_hit(r, zmax)) return;
     }
     const int deepest = std::max(domain.level_u, domain.level_v);
-    if (!done && (deepest == max_level<T> || is_point(root, sub))) {  // S4: terminate
+    const bool at_end = !done && (deepest == max_level<T> || is_point(root, sub));
+    if (!done && (at_end || cluster.is_open())) done = cluster.absorb(sub, at_end);
+    if (!done && at_end) {  // S4: terminate
+      if (cluster.report(on_hit, zmax)) return;
       const T u = sub.u0 + sub.size_u / 2, v = sub.v0 + sub.size_v / 2;
-      if (on_hit(PatchRoot<T>{u, v, evaluate(root, u, v).z, std::max(sub.size_u, sub.size_v) / 2},
-                 zmax))
-        return;
+      cluster.start({u, v, evaluate(root, u, v).z, 0}, sub);
       done = true;
     }
     if (!done && count.splits - first_split == max_splits) {
       ++count.unresolved;
+      cluster.report(on_hit, zmax);
       return;
     }
     if (!done) {  // S3: split
@@ -230,14 +258,17 @@ template <class T, bool use_newton, class OnHit>
       const bool hit0 = !misses(child[0], ray.zmin, zmax), hit1 = !misses(child[1], ray.zmin, zmax);
       if (hit0 || hit1) {
         // The nearer child first; its sibling goes into the trail.
-        const bool second = hit0 && hit1 ? sum(sum_rows(child[1].z - child[0].z)) < 0 : hit1;
+        const bool second = hit0 && hit1 ? second_is_nearer(sub, domain.splits_u()) : hit1;
         domain.descend(second, hit0 && hit1);
         sub = child[second];
         continue;
       }
     }
     do {  // S5: next subdomain
-      if (!domain.next()) return;
+      if (!domain.next()) {
+        cluster.report(on_hit, zmax);
+        return;
+      }
       ++count.backtracks;
       sub = recover(root, domain);  // S6, S7
     } while (misses(sub, ray.zmin, zmax));

@@ -31,6 +31,16 @@ struct LeafHit {
   double t = std::numeric_limits<double>::infinity();
   std::uint32_t instance = invalid_id, leaf = invalid_id;
   T s = 0, t_patch = 0, radius = 0;
+  double spread = 0;  // PatchRoot's, in units of t
+
+  /// Hits whose stretches of t touch are one: the nearer one stands for both.
+  void merge(const LeafHit& h) {
+    const double lo = std::min(t - spread, h.t - h.spread);
+    const double hi = std::max(t + spread, h.t + h.spread);
+    const bool touch = hi - lo <= 2 * (spread + h.spread);
+    if (h.t < t) *this = h;
+    if (touch) spread = std::max(hi - t, t - lo);
+  }
 };
 
 /// Meets `ray` (in the mesh's space) with one mesh. on_hit(LeafHit, ray) returns true to end; it
@@ -48,10 +58,12 @@ bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const Obje
     intersect_patch<T, use_newton>(
         g.nets[k], bump_of(g, k), g.models[k], r, zmax,
         [&](const PatchRoot<T>& root, T& z) {
-          const double t = r.t_of(root.z);
+          const double t = double(T(r.t_of(root.z)));  // as it will be reported
           if (!(t > ray.tnear && t <= tfar)) return false;
-          ended = on_hit(LeafHit<T>{t, instance, k, root.u, root.v, root.radius}, r);
-          if (tfar <= t) z = root.z;  // on_hit keeps only what is nearer from now on
+          ended = on_hit(LeafHit<T>{t, instance, k, root.u, root.v, root.radius,
+                                    double(root.spread) * r.t_scale},
+                         r);
+          z = std::min(z, r.z_above(tfar));  // on_hit keeps only what is nearer from now on
           return ended;
         },
         count);
@@ -164,8 +176,8 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
       local.org = in.to_object.point(ray.org), local.dir = in.to_object.vector(ray.dir);
     make_patch_ray(local, g.extent, r);
     // The last step: t itself is rounded to T.
-    const double e =
-        t_error(g.models[hit.leaf], r, hit.radius) + double(unit_roundoff<T>) * std::abs(hit.t);
+    const double e = t_error(g.models[hit.leaf], r, hit.radius) + hit.spread +
+                     double(unit_roundoff<T>) * std::abs(hit.t);
     h.t_error[i] = std::nextafter(T(e), std::numeric_limits<T>::infinity());
   }
 }
@@ -192,7 +204,8 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t beg
     trace(
         scene, ray, tfar,
         [&](const LeafHit<T>& h, const PatchRay<T>&) {
-          if (h.t < best.t) best = h, tfar = h.t;
+          best.merge(h);
+          tfar = std::min(ray.tfar, best.t + best.spread);
           return false;
         },
         count, stats);
@@ -237,7 +250,7 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
         const auto p = evaluate_patch(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch);
         Vec3d n = unit_normal(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch, p);
         n = normal_to_world(in, g.left_handed ? -1.0 * n : n);
-        const double e = t_error(g.models[h.leaf], r, h.radius);
+        const double e = t_error(g.models[h.leaf], r, h.radius) + h.spread;
         out.push_back({h.t, e + unit_roundoff<double> * std::abs(h.t), info.u0 + h.s * info.du,
                        info.v0 + h.t_patch * info.dv, n, dot(n, ray.dir) < 0, h.instance, info.face,
                        info.sub_quad});
@@ -269,7 +282,7 @@ inline bool closest_patch(const GeometryView<float>& g, std::uint32_t patch, con
   PatchRoot<float> best;
   hit.t = std::numeric_limits<double>::infinity();
   trace_patch(g, patch, ray, [&](const PatchRoot<float>& root, double t, float& zmax) {
-    if (t < hit.t) best = root, hit.t = t, zmax = root.z;
+    if (t < hit.t) best = root, hit.t = t, zmax = root.z + root.spread;
     return false;
   });
   if (!(hit.t < std::numeric_limits<double>::infinity())) return false;

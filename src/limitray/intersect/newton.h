@@ -44,7 +44,8 @@ enum class NewtonResult { hit, miss, undecided };
 template <class T>
 struct PatchRoot {
   T u, v, z;
-  T radius;  // bound on the parametric distance to the surface's own hit
+  T radius;      // bound on the parametric distance to the surface's own hit
+  T spread = 0;  // S4: bound on what the depth may be off beyond that
 };
 
 /// M, e and K of the head comment.
@@ -102,7 +103,9 @@ template <class T>
     const T a_u = std::abs(r_u), a_v = std::abs(r_v);
     if (out_u && k.beyond_u(a_u, out_v ? T(0) : a_v)) return NewtonResult::miss;
     if (out_v && k.beyond_v(a_v, out_u ? T(0) : a_u)) return NewtonResult::miss;
-    if ((out_u || a_u <= k.e_u) && (out_v || a_v <= k.e_v)) {
+    // Where M is large, F may be within its noise e although x and y are not within theirs yet.
+    const bool near = std::abs(p.x) <= 4 * root.eps_x && std::abs(p.y) <= 4 * root.eps_y;
+    if (near && (out_u || a_u <= k.e_u) && (out_v || a_v <= k.e_v)) {
       out = {u, v, p.z, k.radius(a_u, a_v)};
       return NewtonResult::hit;
     }

@@ -43,15 +43,16 @@ struct PatchRay {
   double t_origin, t_scale, z_scale;  // t = t_origin + z t_scale, z = (t - t_origin) z_scale
 
   double t_of(double z) const { return t_origin + z * t_scale; }
-  /// z at t, moved outward by the rounding on the way.
-  T z_above(double t) const { return outward((t - t_origin) * z_scale, 1) + eps_z; }
-  T z_below(double t) const { return outward((t - t_origin) * z_scale, -1) - eps_z; }
+  /// z at t, moved outward by the rounding on the way, that of t itself to T included.
+  T z_above(double t) const { return outward(t, 1) + eps_z; }
+  T z_below(double t) const { return outward(t, -1) - eps_z; }
 
  private:
-  static T outward(double z, double side) {
+  T outward(double t, double side) const {
+    const double z = (t - t_origin) * z_scale;
+    const double rounding = 4 * double(unit_roundoff<T>) * (std::abs(z) + std::abs(t) * z_scale);
     const double limit = double(std::numeric_limits<T>::max()) / 2;
-    const double z_limited = std::min(std::max(z, -limit), limit);
-    return T(z_limited + side * 4 * double(unit_roundoff<T>) * std::abs(z_limited));
+    return T(std::min(std::max(z + side * rounding, -limit), limit));
   }
 };
 
@@ -78,7 +79,8 @@ struct Extent {
 /// in the extent, so a control value is off by u R, org by u R, and both are at most D = 2 R apart.
 /// The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by 2 u, its
 /// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u
-/// D = 18 u R, first order; 20 u R covers the higher orders. The move in double adds eps_move.
+/// D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and in Z: 30 u R;
+/// 32 u R covers the higher orders. The move in double adds eps_move.
 template <class T>
 [[gnu::always_inline]] inline bool make_patch_ray(const ObjectRay& ray, const Extent& extent,
                                                   PatchRay<T>& r) {
@@ -122,7 +124,7 @@ template <class T>
   r.shear_x = -r.sign_z * r.dir[r.axis_x];
   r.shear_y = -r.sign_z * r.dir[r.axis_y];
   const double radius = extent.radius;
-  r.eps = T((20 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
+  r.eps = T((32 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
   r.eps_z = T((8 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
   r.zmin = r.z_below(ray.tnear);
   r.zmax = r.z_above(ray.tfar);

@@ -19,9 +19,10 @@ struct ProjectedModel {
   T z_slope;  // bound on |z_u| + |z_v|
   T eps_x, eps_y, eps_z;
 };
-/// Charges the rounding of everything computed from the patch: evaluation (32 u max|net|), recovery
-/// and the splits after it (8 u + 16 u), the local frame (4 u). No control value is farther from
-/// the middle than the derivatives reach. docs/accuracy.md, section 2.
+/// Charges the rounding of everything computed from the patch: the local frame (2 u), then either
+/// evaluation (37 u max|net|) or recovery and the splits after it (14 u + 48 u), together at most
+/// 64 u. No control value is farther from the middle than the derivatives reach. docs/accuracy.md,
+/// section 2.
 template <class T>
 [[gnu::always_inline]] inline ProjectedModel<T> project(const PatchModel<T>& m,
                                                         const PatchRay<T>& r) {
@@ -111,8 +112,8 @@ struct RaySample {
 };
 /// The surface at (u,v), with the true derivatives of the Gregory blend.
 ///
-/// Rounding: weights are off by gamma(4) * 3/2 each, their products and the 16-term sums add
-/// gamma(8); with sum |B_i| = 1 the result is within 32 u max|net| of exact arithmetic.
+/// Rounding: the four weights of a direction are off by 11.5 u in all (running error analysis of
+/// `bernstein`), products and 16-term sums add 6 u: 29 u max|net|. The bumps add 8 u max|bump|.
 template <class T>
 [[gnu::always_inline]] inline RaySample<T> evaluate(const RootPatch<T>& p, T u, T v) {
   const Quad<T> bu = bernstein(u), du = bernstein_derivative(u);

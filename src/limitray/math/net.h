@@ -232,6 +232,12 @@ T max_value(const Net<T>& n) {
   return h[0] > h[1] ? h[0] : h[1];
 }
 
+/// Smallest of the 16 values.
+template <class T>
+T min_value(const Net<T>& n) {
+  return -max_value(T(-1) * n);
+}
+
 /// Lane (row j, column i) of the result is value (j, column[i]) of n.
 template <int c0, int c1, int c2, int c3, class T>
 Net<T> permute_columns(const Net<T>& n) {

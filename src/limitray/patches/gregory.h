@@ -79,8 +79,8 @@ FrozenBlend<T> freeze_blend(T s0, T t0, T ds, T dt) {
                                                quad<T>(t1, t1, 1 - t0, 1 - t0)};
   // (a-b)/(a+b) grows with a and falls with b; both sums are positive.
   const Quad<T> lo = (a_lo - b_hi) / (a_lo + b_hi), hi = (a_hi - b_lo) / (a_hi + b_lo);
-  // 8 ulp of slack cover the rounding of lo, hi, mid and of the peak weights.
-  const Quad<T> half = T(0.5) * (hi - lo) + 8 * std::numeric_limits<T>::epsilon();
+  // 32 u of slack cover the rounding of lo, hi and mid (8 u) and of the peak weights (12 u).
+  const Quad<T> half = T(0.5) * (hi - lo) + 16 * std::numeric_limits<T>::epsilon();
   return {T(0.5) * (hi + lo), half * peak_weight<T>(a_lo, a_hi) * peak_weight<T>(b_lo, b_hi)};
 }
 

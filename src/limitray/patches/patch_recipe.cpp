@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "limitray/patches/bspline.h"
 #include "limitray/patches/gregory_net.h"
@@ -97,16 +98,18 @@ double PatchRecipe::make(std::span<const Vec3d> cage_points, Vec3d origin, Patch
 
 namespace {
 
-/// Centre of the box around `points`.
-Vec3d centre(std::span<const Vec3d> points) {
-  if (points.empty()) return {};
-  Vec3d low = points[0], high = points[0];
-  for (const Vec3d& p : points)
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], p[k]);
-      high[k] = std::max(high[k], p[k]);
-    }
-  return 0.5 * low + 0.5 * high;
+/// Centre of the box around the points that the recipes use: a stray point elsewhere costs no
+/// precision.
+Vec3d centre(std::span<const PatchRecipe> recipes, std::span<const Vec3d> points) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  Vec3d low{infinity, infinity, infinity}, high = -1.0 * low;
+  for (const PatchRecipe& recipe : recipes)
+    for (const std::int32_t i : recipe.control_points)
+      for (int k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], points[i][k]);
+        high[k] = std::max(high[k], points[i][k]);
+      }
+  return low.x > high.x ? Vec3d{} : 0.5 * low + 0.5 * high;
 }
 
 }  // namespace
@@ -119,7 +122,7 @@ PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes,
     first_bump.push_back(first_bump.back() + recipe.gregory.size());
   }
   PatchBuffer<double> patches;
-  patches.origin = centre(points);
+  patches.origin = centre(recipes, points);
   patches.nets.resize(first_net.back());
   patches.infos.resize(first_net.back());
   patches.bumps.resize(first_bump.back());

@@ -1,0 +1,176 @@
+"""How surfaces reflect: Lambert, and one rough dielectric or metal (GGX), for batches of hits.
+
+The rough material is a layer over a diffuse base. Its microfacets follow GGX with height-correlated
+masking (Heitz 2014, "Understanding the Masking-Shadowing Function"), drawn as seen from the viewer
+(Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps"), with Schlick's Fresnel
+term. What single scattering loses is given back by a factor (Turquin 2019, "Practical multiple
+scattering compensation for microfacet models"), and the base gets what the layer lets through: under
+a uniform sky a white material of any roughness is white.
+
+Local vectors have the normal as their z axis.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limitray.hits import Surface
+from limitray.sampling import cosine_hemisphere
+from limitray.vectors import Array, Frames, Rows, dot, normalized
+
+TABLE_SIZE = 32
+_TABLE_SAMPLES = 16
+_INVERSE_PI = np.float32(1 / np.pi)
+
+
+class Bsdf:
+    """Reflection at hits (n), seen along `directions` (3, n) that run from the viewer to them."""
+
+    def __init__(self, surface: Surface, directions: Array) -> None:
+        self._frames = Frames(surface.normals)
+        self._colors = surface.colors
+        self._rough = np.flatnonzero(surface.roughness > 0)
+        if len(self._rough):
+            viewer = -self._frames.to_local(directions)
+            self._layer = _Layer(surface, self._rough, viewer[:, self._rough])
+
+    def evaluate(self, towards: Array) -> tuple[Array, Array]:
+        """For unit vectors (3, n) to a light: reflectance times cosine (3, n), density of `sample`.
+
+        Both are 0 below the surface.
+        """
+        local = self._frames.to_local(towards)
+        cosines = np.maximum(local[2], 0)
+        density = cosines * _INVERSE_PI
+        reflected = self._colors * density
+        if len(self._rough):
+            rows = self._rough
+            reflected[:, rows], density[rows] = self._layer.evaluate(local[:, rows])
+        return reflected, density
+
+    def sample(self, square: Array, choice: Array) -> tuple[Array, Array, Array]:
+        """Draws a way to go on: directions (3, n), reflectance x cosine / density, density.
+
+        `square` (2, n) and `choice` (n,) are uniform in [0, 1). A density of 0 is no way.
+        """
+        local = cosine_hemisphere(square)
+        density = local[2] * _INVERSE_PI
+        weights = self._colors.copy()
+        if len(self._rough):
+            rows = self._rough
+            drawn = self._layer.sample(square[:, rows], choice[rows], local[:, rows])
+            reflected, found = self._layer.evaluate(drawn)
+            local[:, rows], density[rows] = drawn, found
+            weights[:, rows] = np.where(found > 0, reflected / np.maximum(found, 1e-20), 0)
+        return self._frames.to_world(local), weights, density
+
+
+class _Layer:
+    """The rough material at some hits, in local vectors; `viewer` (3, n) points to the viewer."""
+
+    def __init__(self, surface: Surface, rows: Rows, viewer: Array) -> None:
+        roughness, metallic = surface.roughness[rows], surface.metallic[rows]
+        colors = surface.colors[:, rows]
+        self._alpha = roughness * roughness
+        self._viewer = viewer
+        self._viewer[2] = np.maximum(self._viewer[2], np.float32(1e-4))
+        at_normal = surface.reflectance[rows]
+        self._f0 = at_normal + metallic * (colors - at_normal)
+        scale, offset = _albedo_parts(self._viewer[2], roughness)
+        white = scale + offset
+        self._gain = 1 + self._f0 * ((1 - white) / white)
+        albedo = self._gain * (self._f0 * scale + offset)
+        self._base = (1 - metallic) * colors * (1 - albedo)
+        layer, base = albedo.mean(axis=0), self._base.mean(axis=0)
+        self._layer_share = np.clip(layer / (layer + base), 0.1, 1).astype(np.float32)
+
+    def evaluate(self, local: Array) -> tuple[Array, Array]:
+        """See `Bsdf.evaluate`."""
+        half = normalized(local + self._viewer)
+        cosine = np.maximum(local[2], 0)
+        distribution = _ggx(half, self._alpha)
+        seen, lit = self._masked(self._viewer[2]), self._masked(cosine)
+        masking = 0.5 / (cosine * seen + self._viewer[2] * lit)
+        fresnel = self._f0 + (1 - self._f0) * _fifth(1 - dot(half, local))
+        mirrored = self._gain * fresnel * (distribution * masking)
+        density = self._layer_share * distribution / (2 * (self._viewer[2] + seen))
+        density += (1 - self._layer_share) * cosine * _INVERSE_PI
+        reflected = (mirrored + self._base * _INVERSE_PI) * cosine
+        return reflected, np.where(local[2] > 0, density, 0).astype(np.float32)
+
+    def sample(self, square: Array, choice: Array, diffuse: Array) -> Array:
+        """Directions (3, n): mirrored at a visible facet, or those of `diffuse` for the base."""
+        mirrored = _mirrored(self._viewer, _visible_facets(square, self._viewer, self._alpha))
+        return np.where(choice < self._layer_share, mirrored, diffuse)
+
+    def _masked(self, cosine: Array) -> Array:
+        """sqrt(alpha^2 + (1 - alpha^2) cosine^2), Smith's masking of GGX but for a factor."""
+        square = self._alpha * self._alpha
+        return np.sqrt(square + (1 - square) * cosine * cosine)
+
+
+def _ggx(half: Array, alpha: Array) -> Array:
+    """Density of facets with normals `half` (3, n)."""
+    x, y, z = half
+    square = alpha * alpha
+    spread = square * z * z + x * x + y * y
+    found: Array = square * _INVERSE_PI / np.maximum(spread * spread, 1e-20)
+    return found
+
+
+def _fifth(x: Array) -> Array:
+    square = x * x
+    return square * square * x
+
+
+def _mirrored(viewer: Array, half: Array) -> Array:
+    return 2 * dot(viewer, half) * half - viewer
+
+
+def _visible_facets(square: Array, viewer: Array, alpha: Array) -> Array:
+    """Normals of facets, as often as the viewer sees them (Dupuy and Benyoub 2023)."""
+    stretched = normalized(np.stack([alpha * viewer[0], alpha * viewer[1], viewer[2]]))
+    angle = np.float32(2 * np.pi) * square[0]
+    z = (1 - square[1]) * (1 + stretched[2]) - stretched[2]
+    radius = np.sqrt(np.clip(1 - z * z, 0, 1))
+    x, y, z = np.stack([radius * np.cos(angle), radius * np.sin(angle), z]) + stretched
+    return normalized(np.stack([alpha * x, alpha * y, np.maximum(z, 1e-6)]))
+
+
+def _albedo_parts(cosine: Array, roughness: Array) -> tuple[Array, Array]:
+    """Scale and offset, each (n,), of single scattering: its albedo is f0 * scale + offset."""
+    table = _albedo_table()
+    x, y = np.sqrt(cosine) * (TABLE_SIZE - 1), roughness * (TABLE_SIZE - 1)
+    i = np.minimum(x.astype(np.int32), TABLE_SIZE - 2)
+    j = np.minimum(y.astype(np.int32), TABLE_SIZE - 2)
+    s, t = x - i, y - j
+    lower = table[:, i, j] + s * (table[:, i + 1, j] - table[:, i, j])
+    upper = table[:, i, j + 1] + s * (table[:, i + 1, j + 1] - table[:, i, j + 1])
+    scale, offset = lower + t * (upper - lower)
+    return scale, offset
+
+
+@cache
+def _albedo_table() -> NDArray[np.float32]:
+    """Scale and offset (2, k, k) by the root of the cosine of the viewer, and by roughness.
+
+    The mean over visible facets of masking times Fresnel, by a regular grid of points.
+    """
+    steps = np.linspace(0, 1, TABLE_SIZE, dtype=np.float32)
+    grid = (np.arange(_TABLE_SAMPLES, dtype=np.float32) + 0.5) / _TABLE_SAMPLES
+    root, roughness, u, v = (
+        a.ravel() for a in np.meshgrid(np.maximum(steps, 0.02), steps, grid, grid, indexing="ij")
+    )
+    cosine, alpha = root * root, np.maximum(roughness, 0.01) ** 2
+    viewer = np.stack([np.sqrt(1 - cosine * cosine), np.zeros_like(cosine), cosine])
+    half = _visible_facets(np.stack([u, v]), viewer, alpha)
+    light = np.maximum(_mirrored(viewer, half)[2], 0)
+    square = alpha * alpha
+    seen, lit = (np.sqrt(square + (1 - square) * c * c) for c in (cosine, light))
+    masking = light * (cosine + seen) / np.maximum(light * seen + cosine * lit, 1e-20)
+    fifth = _fifth(1 - dot(half, viewer))
+    parts = np.stack([masking * (1 - fifth), masking * fifth])
+    return parts.reshape(2, TABLE_SIZE, TABLE_SIZE, -1).mean(axis=3)

@@ -1,0 +1,130 @@
+"""Hits of a batch of rays, as the integrators see them: rows of vectors, misses left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from limitray.material import BASE_COLOR_ATTRIBUTES, CLAY, Footprint, base_colors, rough_parameters
+from limitray.scene import Scene
+from limitray.vectors import Array, Mask, Rows, column, dot, rows
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Unit rays (n): `origins` and `directions` (3, n); hits count beyond `tnear` (n,).
+
+    `pixels` (n,) are the pixels that they work for; random numbers depend on them. `spread`, two
+    differences (3,) of directions between neighbouring samples, is given for camera rays.
+    """
+
+    origins: Array
+    directions: Array
+    tnear: Array
+    pixels: NDArray[np.uint32]
+    spread: tuple[Array, Array] | None = None
+
+    def packed(self) -> NDArray[np.float32]:
+        """As the tracer wants them: (n, 6)."""
+        packed = np.empty((self.origins.shape[1], 6), np.float32)
+        packed[:, :3], packed[:, 3:] = self.origins.T, self.directions.T
+        return packed
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What surfaces are like at n places.
+
+    `normals` (3, n) are unit and turned towards the viewer, `colors` (3, n) are linear base
+    colours; `roughness` (n,) is 0 for a plain diffuse surface, else above 0 and up to 1, with
+    `metallic` and `reflectance` (at normal incidence, of a dielectric) beside it.
+    """
+
+    normals: Array
+    colors: Array
+    roughness: Array
+    metallic: Array
+    reflectance: Array
+
+
+@dataclass(frozen=True)
+class Hits:
+    """The hits among n rays: k of them, in the order of the rays.
+
+    `found` (k,) are their rows, `distances` (k,) how far they are; `error` (k,) bounds the distance
+    of `points` (3, k) from the surface; `outward` are its normals by the winding of the faces.
+    """
+
+    rays: Rays
+    found: Rows
+    distances: Array
+    points: Array
+    outward: Array
+    uvs: Array
+    error: Array
+    surface: Surface
+
+    @property
+    def directions(self) -> Array:
+        """Directions (3, k) of the rays that hit."""
+        return self.rays.directions[:, self.found]
+
+    @property
+    def pixels(self) -> NDArray[np.uint32]:
+        """Pixels (k,) of the rays that hit."""
+        return self.rays.pixels[self.found]
+
+    def leaving(self, chosen: Rows, directions: Array) -> Rays:
+        """Rays from the hits `chosen` (m,) along unit `directions` (3, m).
+
+        They start on the viewer's side of the surface by twice the error bound of the hit, and
+        count what lies further off than it.
+        """
+        error = self.error[chosen]
+        starts = self.points[:, chosen] + 2 * error * self.surface.normals[:, chosen]
+        return Rays(starts, directions, error, self.pixels[chosen])
+
+
+def cast(scene: Scene, rays: Rays, beyond: Array | None = None) -> Hits:
+    """The closest hits; with `beyond` (n,), only those nearer than that."""
+    tfar = np.inf if beyond is None else beyond
+    names = ("points", "t_error", *(BASE_COLOR_ATTRIBUTES if scene.has_materials else ()))
+    answers = scene.cast_rays(rays.packed(), rays.tnear, tfar, names)
+    found = np.flatnonzero(np.isfinite(answers["t_hit"]))
+    answers = {name: values[found] for name, values in answers.items()}
+    outward = rows(answers["primitive_normals"])
+    directions = rays.directions[:, found]
+    return Hits(
+        rays=rays,
+        found=found,
+        distances=answers["t_hit"],
+        points=rows(answers["points"]),
+        outward=outward,
+        uvs=rows(answers["primitive_uvs"]),
+        error=answers["t_error"],
+        surface=_surface(scene, rays, outward, directions, answers),
+    )
+
+
+def occluded(scene: Scene, rays: Rays, tfar: Array | float = np.inf) -> Mask:
+    """Whether anything is in the way of each ray, up to `tfar`."""
+    return scene.test_occlusions(rays.packed(), rays.tnear, tfar)
+
+
+def _surface(
+    scene: Scene, rays: Rays, outward: Array, directions: Array, answers: dict[str, NDArray[Any]]
+) -> Surface:
+    normals = outward * -np.copysign(np.float32(1), dot(outward, directions))
+    count = outward.shape[1]
+    zeros = np.zeros(count, np.float32)
+    if not scene.has_materials:
+        clay = np.broadcast_to(column(CLAY), (3, count))
+        return Surface(normals, clay, zeros, zeros, zeros)
+    footprint = None
+    if rays.spread is not None:
+        footprint = Footprint.of_rays(answers, directions.T.astype(np.float64), *rays.spread)
+    colors = rows(base_colors(scene, answers, footprint))
+    return Surface(normals, colors, *rough_parameters(scene, answers))

@@ -1,0 +1,73 @@
+"""`limitray bench`: the table, the JSON and the plot of a short run, and how it fails."""
+
+import json
+
+import pytest
+from shapes import REPOSITORY
+
+from limitray.cli import main
+
+TORUS = str(REPOSITORY / "tests/cages/torus.obj")
+SHORT = ["--rays", "3e3", "--rounds", "1", "--threads", "1", "--isolation-level", "2"]
+PEERS = ["embree-subdivision-4", "embree-triangles-4", "embree-triangles-8"]
+
+
+@pytest.fixture(autouse=True)
+def _in_an_empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_short_run(capsys, tmp_path):
+    peers = ["--tracers", ",".join(PEERS)]
+    assert main(["bench", TORUS, *SHORT, *peers, "--json", "torus.json"]) == 0
+    table = capsys.readouterr().out
+    for word in (*PEERS, "primary rays", "diffuse rays", "newton steps", "mismatches"):
+        assert word in table
+    report = json.loads((tmp_path / "torus.json").read_text())
+    assert report["model"] == TORUS
+    assert report["threads"] == 1
+    assert report["isolation_level"] == 2
+    assert {"cpu", "compiler", "isa", "embree", "commit"} <= set(report["machine"])
+    rows = {(row["tracer"], row["rays"]): row for row in report["rows"]}
+    assert len(rows) == 2 * (2 + len(PEERS))
+    for row in rows.values():
+        assert row["mrays_per_s"] > 0
+        assert row["bytes"] > 0
+        assert row["build_s"] >= 0
+    for kind in ("primary", "diffuse"):
+        ours, coarse, fine = (rows[name, kind] for name in ("limitray", *PEERS[1:]))
+        assert ours["mismatches"] <= 3
+        assert ours["mean_error"] < 1e-6
+        assert 0 < fine["mean_error"] <= fine["max_error"]
+        # The error of flat facets falls with the square of their size.
+        assert 3 < coarse["mean_error"] / fine["mean_error"] < 5
+        assert ours["per_ray"]["unresolved"] == 0
+
+
+def test_a_plot_is_written(tmp_path):
+    pytest.importorskip("matplotlib")
+    peers = ["--tracers", "embree-triangles-4"]
+    assert main(["bench", TORUS, *SHORT, *peers, "--plot", "torus.png"]) == 0
+    assert (tmp_path / "torus.png").read_bytes().startswith(b"\x89PNG")
+
+
+FAILURES = [
+    (["bench", "nothing.obj"], 1, "nothing.obj: "),
+    (["bench", "bad.obj"], 1, "bad.obj:1: "),
+    (["bench", TORUS, "--rays", "many"], 2, '"many" is not a whole number from 1 to 1e9'),
+    (["bench", TORUS, "--rays", "1.5"], 2, '"1.5" is not a whole number from 1 to 1e9'),
+    (["bench", TORUS, "--tracers", "optix"], 2, '--tracers: unknown tracer "optix"'),
+    (["bench", TORUS, "--json", "nowhere/a.json"], 1, "nowhere/a.json: No such file"),
+    (["bench", TORUS, "--plot", "a.gif"], 2, '"a.gif" does not end in .png'),
+]
+
+
+@pytest.mark.parametrize(("arguments", "code", "message"), FAILURES)
+def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys, tmp_path):
+    (tmp_path / "bad.obj").write_text("f 1 2 9\n")
+    assert main(arguments) == code
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("limitray: ")
+    assert printed.err.count("\n") == 1
+    assert message in printed.err
