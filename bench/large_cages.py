@@ -1,8 +1,8 @@
 """Large cages for the benchmarks: organic quad cages of any size, made here so that all have them.
 
-Up to 60,000 faces they come from tests/cages/large_cage.py: the skin of a body made of voxels, a third
-of its vertices extraordinary. Beyond that such a cage is refined: each face into four by Catmull and
-Clark's rules, then points moved by a hundredth of an edge, so that no patch is flat.
+Up to 60,000 faces they come from tests/cages/large_cage.py: the skin of a body made of voxels, with
+extraordinary vertices everywhere. Beyond that such a cage is refined: each face into four by the
+rules of Catmull and Clark, then points moved by a hundredth of an edge, so that no patch is flat.
 """
 
 import sys

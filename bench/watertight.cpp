@@ -1,10 +1,14 @@
 // How watertight the tracer is, as a number: rays at the seams of closed cages (see
 // tests/support/watertight.h for the kinds of ray and for what counts as a leak).
 //
-//   watertight [--rays N] [--level L] [--seed S] [--double] [--bisection] [--json FILE] CAGE.obj ...
+//   watertight [--rays N] [--level L] [--seed S] [--double] [--bisection] [--json FILE] CAGE.obj
+//   ...
 //
-// N rays a cage, shared out over the kinds. LIMITRAY_ISA chooses the instruction set. Prints a table;
+// N rays a cage, shared out over the kinds. LIMITRAY_ISA chooses the instruction set. Prints a
+// table;
 // --json appends one line a cage to FILE. Exit code 1 if a ray leaked or stayed unresolved.
+#include "../tests/support/watertight.h"
+
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -13,7 +17,6 @@
 #include <string>
 #include <vector>
 
-#include "../tests/support/watertight.h"
 #include "limitray/cage/obj.h"
 
 namespace {

@@ -85,7 +85,7 @@ def pair(
 def demo_picture(quality: Quality) -> Pixels:
     """The cage that scripts/demo renders."""
     scene = scene_of(lr.Mesh.from_file(REPOSITORY / "tests/cages/demo.obj"))
-    camera = lr.Camera.frame(scene, 4 / 3, azimuth_deg=7, elevation_deg=20, up=(0, 0, 1))
+    camera = lr.Camera.frame(scene, 4 / 3, azimuth_deg=7, elevation_deg=20)
     return clay(scene, camera, quality.size(800, 600), quality.spp)
 
 

@@ -15,8 +15,10 @@ from limitray.image import Image
 from limitray.info import mesh_info
 from limitray.material import Material
 from limitray.mesh import FaceVarying, Mesh, Primvar
+from limitray.light import RectangleLight, Sun
 from limitray.render import RenderInterrupted, render
 from limitray.scene import INVALID_ID, Scene
+from limitray.sky import ConstantSky, GradientSky, ImageSky
 from limitray.texture import Texture
 from limitray.triangles import Triangles
 from limitray.usd import Stage, load_scene
@@ -24,14 +26,19 @@ from limitray.usd import Stage, load_scene
 __all__ = [
     "INVALID_ID",
     "Camera",
+    "ConstantSky",
     "FaceVarying",
+    "GradientSky",
     "Image",
+    "ImageSky",
     "Material",
     "Mesh",
     "Primvar",
+    "RectangleLight",
     "RenderInterrupted",
     "Scene",
     "Stage",
+    "Sun",
     "Texture",
     "Triangles",
     "create_rays_pinhole",

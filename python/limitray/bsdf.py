@@ -2,10 +2,10 @@
 
 The rough material is a layer over a diffuse base. Its microfacets follow GGX with height-correlated
 masking (Heitz 2014, "Understanding the Masking-Shadowing Function"), drawn as seen from the viewer
-(Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps"), with Schlick's Fresnel
-term. What single scattering loses is given back by a factor (Turquin 2019, "Practical multiple
-scattering compensation for microfacet models"), and the base gets what the layer lets through: under
-a uniform sky a white material of any roughness is white.
+(Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps"), with Schlick's
+Fresnel term. What single scattering loses is given back by a factor (Turquin 2019, "Practical
+multiple scattering compensation for microfacet models"), and the base gets what the layer lets
+through: under a uniform sky a white material of any roughness is white.
 
 Local vectors have the normal as their z axis.
 """
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from limitray.hits import Surface
 from limitray.sampling import cosine_hemisphere
-from limitray.vectors import Array, Frames, Rows, dot, normalized
+from limitray.vectors import Array, Frames, Rows, dot, normalized, pick
 
 TABLE_SIZE = 32
 _TABLE_SAMPLES = 16
@@ -35,7 +35,7 @@ class Bsdf:
         self._rough = np.flatnonzero(surface.roughness > 0)
         if len(self._rough):
             viewer = -self._frames.to_local(directions)
-            self._layer = _Layer(surface, self._rough, viewer[:, self._rough])
+            self._layer = _Layer(surface, self._rough, pick(viewer, self._rough))
 
     def evaluate(self, towards: Array) -> tuple[Array, Array]:
         """For unit vectors (3, n) to a light: reflectance times cosine (3, n), density of `sample`.
@@ -48,7 +48,7 @@ class Bsdf:
         reflected = self._colors * density
         if len(self._rough):
             rows = self._rough
-            reflected[:, rows], density[rows] = self._layer.evaluate(local[:, rows])
+            reflected[:, rows], density[rows] = self._layer.evaluate(pick(local, rows))
         return reflected, density
 
     def sample(self, square: Array, choice: Array) -> tuple[Array, Array, Array]:
@@ -61,7 +61,7 @@ class Bsdf:
         weights = self._colors.copy()
         if len(self._rough):
             rows = self._rough
-            drawn = self._layer.sample(square[:, rows], choice[rows], local[:, rows])
+            drawn = self._layer.sample(pick(square, rows), choice[rows], pick(local, rows))
             reflected, found = self._layer.evaluate(drawn)
             local[:, rows], density[rows] = drawn, found
             weights[:, rows] = np.where(found > 0, reflected / np.maximum(found, 1e-20), 0)
@@ -73,7 +73,7 @@ class _Layer:
 
     def __init__(self, surface: Surface, rows: Rows, viewer: Array) -> None:
         roughness, metallic = surface.roughness[rows], surface.metallic[rows]
-        colors = surface.colors[:, rows]
+        colors = pick(surface.colors, rows)
         self._alpha = roughness * roughness
         self._viewer = viewer
         self._viewer[2] = np.maximum(self._viewer[2], np.float32(1e-4))
@@ -109,7 +109,7 @@ class _Layer:
     def _masked(self, cosine: Array) -> Array:
         """sqrt(alpha^2 + (1 - alpha^2) cosine^2), Smith's masking of GGX but for a factor."""
         square = self._alpha * self._alpha
-        return np.sqrt(square + (1 - square) * cosine * cosine)
+        return np.asarray(np.sqrt(square + (1 - square) * cosine * cosine))
 
 
 def _ggx(half: Array, alpha: Array) -> Array:
@@ -173,4 +173,4 @@ def _albedo_table() -> NDArray[np.float32]:
     masking = light * (cosine + seen) / np.maximum(light * seen + cosine * lit, 1e-20)
     fifth = _fifth(1 - dot(half, viewer))
     parts = np.stack([masking * (1 - fifth), masking * fifth])
-    return parts.reshape(2, TABLE_SIZE, TABLE_SIZE, -1).mean(axis=3)
+    return np.asarray(parts.reshape(2, TABLE_SIZE, TABLE_SIZE, -1).mean(axis=3))

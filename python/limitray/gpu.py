@@ -7,6 +7,7 @@ and trees, and answers what is asked in double.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ RAYS_PER_GROUP = 16
 
 THREADS = 64
 """Threads of a workgroup, as the kernels declare it."""
+
+CUDA_ARGUMENTS = ["--maxrregcount=64"]
 
 COUNTERS = (
     "node_visits",
@@ -69,25 +72,78 @@ def _import_slangpy() -> Any:
     return slangpy
 
 
-def open_device(name: str, folder: Path) -> Any:
-    """A slangpy device for "gpu", "vulkan", "cuda" or "metal" that finds Slang modules in `folder`.
+class Tracer:
+    """A device and its kernels, shared by all scenes on it.
 
-    Raises ImportError without slangpy, and RuntimeError that lists what was found if there is none.
+    `name` is "gpu", "vulkan", "cuda" or "metal"; `folder` holds the Slang modules. Raises ImportError
+    without slangpy, and RuntimeError that lists what was found if no device can be used.
     """
-    slangpy = _import_slangpy()
-    wanted = BACKENDS if name == "gpu" else (name,)
-    found = []
-    for backend in wanted:
-        kind = slangpy.DeviceType[backend]
-        try:
-            adapters = [a.name for a in slangpy.Device.enumerate_adapters(kind)]
-            if adapters:
-                options = {"include_paths": [str(folder)]}
-                return slangpy.Device(type=kind, compiler_options=options, enable_hot_reload=False)
-            found.append(f"{backend}: no adapter")
-        except RuntimeError as error:
-            found.append(f"{backend}: {str(error).splitlines()[0]}")
-    raise RuntimeError(f'device "{name}": no GPU can be used here ({"; ".join(found)})')
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self._slangpy = _import_slangpy()
+        self._folder = folder
+        self.device = self._open(name)
+        self._kernels: dict[str, Any] = {}
+
+    def _open(self, name: str) -> Any:
+        found = []
+        for backend in BACKENDS if name == "gpu" else (name,):
+            kind = self._slangpy.DeviceType[backend]
+            try:
+                if self._slangpy.Device.enumerate_adapters(kind):
+                    # On CUDA, registers for half of the threads that an SM can hold.
+                    options = {
+                        "include_paths": [str(self._folder)],
+                        "downstream_args": CUDA_ARGUMENTS if backend == "cuda" else [],
+                    }
+                    return self._slangpy.Device(
+                        type=kind, compiler_options=options, enable_hot_reload=False
+                    )
+                found.append(f"{backend}: no adapter")
+            except RuntimeError as error:
+                found.append(f"{backend}: {str(error).splitlines()[0]}")
+        raise RuntimeError(f'device "{name}": no GPU can be used here ({"; ".join(found)})')
+
+    def run(self, file: str, entry: str, threads: int, variables: dict[str, Any]) -> None:
+        """Runs entry point `entry` of kernels/`file`.cs.slang."""
+        if entry not in self._kernels:
+            path = self._folder / "kernels" / f"{file}.cs.slang"
+            program = self.device.load_program(str(path), [entry])
+            self._kernels[entry] = self.device.create_compute_kernel(program)
+        workgroups = -(-threads // THREADS)
+        self._kernels[entry].dispatch([workgroups * THREADS, 1, 1], variables)
+
+    def buffer(self, array: NDArray[Any], stride: int = 4) -> Any:
+        """A buffer with the bytes of `array`, or one element if there are none."""
+        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+        if data.size == 0:
+            return self.empty_buffer(stride, stride)
+        return self.device.create_buffer(
+            size=data.size, struct_size=stride, usage=self._usage(), data=data
+        )
+
+    def empty_buffer(self, size: int, stride: int) -> Any:
+        """A buffer of `size` bytes."""
+        return self.device.create_buffer(size=size, struct_size=stride, usage=self._usage())
+
+    def overwrite(self, buffer: Any, offset: int, array: NDArray[Any]) -> None:
+        """Writes the bytes of `array` at `offset` of a buffer."""
+        if array.size == 0:
+            return
+        encoder = self.device.create_command_encoder()
+        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
+        encoder.upload_buffer_data(buffer, offset, data)
+        self.device.submit_command_buffer(encoder.finish())
+
+    def _usage(self) -> Any:
+        usage = self._slangpy.BufferUsage
+        return usage.shader_resource | usage.unordered_access | usage.copy_source
+
+
+@cache
+def open_tracer(name: str, folder: Path) -> Tracer:
+    """The Tracer of a device; the same one each time."""
+    return Tracer(name, folder)
 
 
 class GpuScene:
@@ -108,11 +164,9 @@ class GpuScene:
     def __init__(
         self, device: str, threads: int = 0, group: str = "three_lanes", folder: Path | None = None
     ) -> None:
-        self._folder = slang_folder() if folder is None else folder
-        self._device = open_device(device, self._folder)
+        self._tracer = open_tracer(device, slang_folder() if folder is None else folder)
         self._name, self._group = device, group
         self._core = _core.Scene(threads)
-        self._kernels: dict[str, Any] = {}
         self._buffers: dict[str, Any] = {}
         self._first: list[tuple[int, int, int]] = []  # patch, bump and node of each mesh
         self._top_node = 0
@@ -127,7 +181,7 @@ class GpuScene:
     @property
     def adapter(self) -> str:
         """Name of the GPU."""
-        return str(self._device.info.adapter_name)
+        return str(self._tracer.device.info.adapter_name)
 
     def add_mesh(self, cage: Any, isolation_level: int, transform: NDArray[np.float64]) -> int:
         """As `_core.Scene.add_mesh`."""
@@ -212,9 +266,9 @@ class GpuScene:
             yield (
                 rows,
                 {
-                    "rays": self._buffer(rays[rows]),
-                    "limits": self._buffer(limits if one else limits[rows]),
-                    "hits": self._empty_buffer(count * HIT.itemsize, HIT.itemsize),
+                    "rays": self._tracer.buffer(rays[rows]),
+                    "limits": self._tracer.buffer(limits if one else limits[rows]),
+                    "hits": self._tracer.empty_buffer(count * HIT.itemsize, HIT.itemsize),
                     "count": count,
                     "limits_stride": 0 if one else 2,
                     "per_group": self.rays_per_group,
@@ -225,10 +279,10 @@ class GpuScene:
 
     def _trace(self, batch: dict[str, Any], ends_at_any: bool) -> None:
         batch["ends_at_any"] = int(ends_at_any)
-        work = self._buffer(np.zeros(1 + len(COUNTERS), np.uint32))
+        work = self._tracer.buffer(np.zeros(1 + len(COUNTERS), np.uint32))
         groups = -(-batch["count"] // self.rays_per_group)
         # Whatever the wave width, 4 threads hold at least one group of three lanes.
-        self._dispatch(
+        self._run(
             "hits",
             self._group,
             groups * (4 if self._group == "three_lanes" else 1),
@@ -244,8 +298,8 @@ class GpuScene:
         for name in names:
             places[name] = size
             size += count * WIDTHS.get(name, 1)
-        answers = self._empty_buffer(max(size, 1) * 4, 4)
-        self._dispatch(
+        answers = self._tracer.empty_buffer(max(size, 1) * 4, 4)
+        self._run(
             "attributes", "attributes", count, {"rays": batch, "at": places, "answers": answers}
         )
         words = _words(answers)
@@ -255,15 +309,10 @@ class GpuScene:
             found[name] = array.view(_dtype(name)).reshape(_shape(name, count))
         return found
 
-    def _dispatch(self, file: str, entry: str, threads: int, variables: dict[str, Any]) -> None:
-        if entry not in self._kernels:
-            path = self._folder / "kernels" / f"{file}.cs.slang"
-            program = self._device.load_program(str(path), [entry])
-            self._kernels[entry] = self._device.create_compute_kernel(program)
+    def _run(self, file: str, entry: str, threads: int, variables: dict[str, Any]) -> None:
         settings = np.array([self._core.geometry_count(), self._newton], np.uint32)
-        scene = {**self._buffers, "settings": self._buffer(settings)}
-        groups = -(-threads // THREADS)
-        self._kernels[entry].dispatch([groups * THREADS, 1, 1], {"scene": scene, **variables})
+        scene = {**self._buffers, "settings": self._tracer.buffer(settings)}
+        self._tracer.run(file, entry, threads, {"scene": scene, **variables})
 
     def _synchronise(self) -> None:
         """Brings the buffers up to the scene."""
@@ -297,11 +346,15 @@ class GpuScene:
         for name in ("nets", "bumps", "infos", "models", "patch_ids", *empty):
             arrays = [part[name] for part in parts if name in part]
             array = np.concatenate(arrays) if arrays else np.zeros(0, np.uint32)
-            self._buffers[name] = self._buffer(array, STRIDES[name])
+            self._buffers[name] = self._tracer.buffer(array, STRIDES[name])
         instances = [self._core.instance_data(i) for i in range(self._core.geometry_count())]
         records = np.array([instance_record(data) for data in instances])
-        self._buffers["instances"] = self._buffer(records, STRIDES["instances"])
+        self._buffers["instances"] = self._tracer.buffer(records, STRIDES["instances"])
         self._upload_top()
+
+    def _overwrite(self, name: str, row: int, rows: Words) -> None:
+        if len(rows) > 0:
+            self._tracer.overwrite(self._buffers[name], row * rows[0].nbytes, rows)
 
     def _upload_top(self) -> None:
         top = self._core.top_data()
@@ -311,30 +364,7 @@ class GpuScene:
         records = [geometry_record(top, self._top_node)]
         for mesh, (_, _, node) in enumerate(self._first):
             records.append(geometry_record(self._core.mesh_data(mesh), node))
-        self._buffers["geometries"] = self._buffer(np.array(records), STRIDES["geometries"])
-
-    def _overwrite(self, name: str, row: int, array: Words) -> None:
-        if array.size == 0:
-            return
-        encoder = self._device.create_command_encoder()
-        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
-        encoder.upload_buffer_data(self._buffers[name], row * array[0].nbytes, data)
-        self._device.submit_command_buffer(encoder.finish())
-
-    def _buffer(self, array: NDArray[Any], stride: int = 4) -> Any:
-        data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
-        if data.size == 0:
-            return self._empty_buffer(stride, stride)
-        return self._device.create_buffer(
-            size=data.size, struct_size=stride, usage=self._usage(), data=data
-        )
-
-    def _empty_buffer(self, size: int, stride: int) -> Any:
-        return self._device.create_buffer(size=size, struct_size=stride, usage=self._usage())
-
-    def _usage(self) -> Any:
-        usage = _import_slangpy().BufferUsage
-        return usage.shader_resource | usage.unordered_access | usage.copy_source
+        self._buffers["geometries"] = self._tracer.buffer(np.array(records), STRIDES["geometries"])
 
 
 def _words(buffer: Any) -> NDArray[np.uint32]:

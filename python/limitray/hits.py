@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,15 +11,15 @@ from numpy.typing import NDArray
 
 from limitray.material import BASE_COLOR_ATTRIBUTES, CLAY, Footprint, base_colors, rough_parameters
 from limitray.scene import Scene
-from limitray.vectors import Array, Mask, Rows, column, dot, rows
+from limitray.vectors import Array, Mask, Rows, column, dot, pick, rows
 
 
 @dataclass(frozen=True)
 class Rays:
     """Unit rays (n): `origins` and `directions` (3, n); hits count beyond `tnear` (n,).
 
-    `pixels` (n,) are the pixels that they work for; random numbers depend on them. `spread`, two
-    differences (3,) of directions between neighbouring samples, is given for camera rays.
+    `pixels` (n,) are the pixels that they work for; random numbers depend on them. `spread`, the
+    two differences (3, n) of directions between neighbouring samples, is given for camera rays.
     """
 
     origins: Array
@@ -67,12 +68,12 @@ class Hits:
     error: Array
     surface: Surface
 
-    @property
+    @cached_property
     def directions(self) -> Array:
         """Directions (3, k) of the rays that hit."""
-        return self.rays.directions[:, self.found]
+        return pick(self.rays.directions, self.found)
 
-    @property
+    @cached_property
     def pixels(self) -> NDArray[np.uint32]:
         """Pixels (k,) of the rays that hit."""
         return self.rays.pixels[self.found]
@@ -84,19 +85,18 @@ class Hits:
         count what lies further off than it.
         """
         error = self.error[chosen]
-        starts = self.points[:, chosen] + 2 * error * self.surface.normals[:, chosen]
+        starts = pick(self.points, chosen) + 2 * error * pick(self.surface.normals, chosen)
         return Rays(starts, directions, error, self.pixels[chosen])
 
 
 def cast(scene: Scene, rays: Rays, beyond: Array | None = None) -> Hits:
     """The closest hits; with `beyond` (n,), only those nearer than that."""
     tfar = np.inf if beyond is None else beyond
-    names = ("points", "t_error", *(BASE_COLOR_ATTRIBUTES if scene.has_materials else ()))
+    names = ("points", "t_error", *(() if scene.is_plain else BASE_COLOR_ATTRIBUTES))
     answers = scene.cast_rays(rays.packed(), rays.tnear, tfar, names)
     found = np.flatnonzero(np.isfinite(answers["t_hit"]))
     answers = {name: values[found] for name, values in answers.items()}
     outward = rows(answers["primitive_normals"])
-    directions = rays.directions[:, found]
     return Hits(
         rays=rays,
         found=found,
@@ -105,7 +105,7 @@ def cast(scene: Scene, rays: Rays, beyond: Array | None = None) -> Hits:
         outward=outward,
         uvs=rows(answers["primitive_uvs"]),
         error=answers["t_error"],
-        surface=_surface(scene, rays, outward, directions, answers),
+        surface=_surface(scene, rays, found, outward, answers),
     )
 
 
@@ -115,8 +115,9 @@ def occluded(scene: Scene, rays: Rays, tfar: Array | float = np.inf) -> Mask:
 
 
 def _surface(
-    scene: Scene, rays: Rays, outward: Array, directions: Array, answers: dict[str, NDArray[Any]]
+    scene: Scene, rays: Rays, found: Rows, outward: Array, answers: dict[str, NDArray[Any]]
 ) -> Surface:
+    directions = pick(rays.directions, found)
     normals = outward * -np.copysign(np.float32(1), dot(outward, directions))
     count = outward.shape[1]
     zeros = np.zeros(count, np.float32)
@@ -124,7 +125,8 @@ def _surface(
         clay = np.broadcast_to(column(CLAY), (3, count))
         return Surface(normals, clay, zeros, zeros, zeros)
     footprint = None
-    if rays.spread is not None:
-        footprint = Footprint.of_rays(answers, directions.T.astype(np.float64), *rays.spread)
+    if rays.spread is not None and not scene.is_plain:
+        spread = (d[:, found].T.astype(np.float64) for d in rays.spread)
+        footprint = Footprint.of_rays(answers, directions.T.astype(np.float64), *spread)
     colors = rows(base_colors(scene, answers, footprint))
     return Surface(normals, colors, *rough_parameters(scene, answers))

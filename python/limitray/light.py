@@ -33,9 +33,11 @@ class Light(Protocol):
 
     def sample(self, points: Array, square: Array) -> LightSample:
         """Ways from `points` (3, n), drawn by `square` (2, n). A density of 0 is no way."""
+        ...
 
     def meet(self, points: Array, directions: Array) -> tuple[Array, Array, Array]:
         """What rays see of the light: distances (n,), inf for a miss; colours; densities (n,)."""
+        ...
 
 
 class Sun:
@@ -46,7 +48,7 @@ class Sun:
     direction : (3,)
         Towards the light; need not be unit.
     irradiance : (3,)
-        Linear colour of a white surface that faces the light, times pi; at least 0.
+        Linear, at least 0. A white surface that faces the light has the colour irradiance / pi.
     angle_deg : float
         Diameter as seen from the scene, above 0 and up to 90 degrees: the softness of shadows.
     """
@@ -117,7 +119,8 @@ class RectangleLight:
                 f"half_u and half_v must not be 0 and be at right angles, not {u.tolist()} and "
                 f"{v.tolist()}"
             )
-        self._center, self._u, self._v = column(finite_vector("center", center)), column(u), column(v)
+        self._center = column(finite_vector("center", center))
+        self._u, self._v = column(u), column(v)
         self._normal = column(np.cross(u, v) / (lengths[0] * lengths[1]))
         self._area = np.float32(4 * lengths[0] * lengths[1])
         self._scale = column(u / (u @ u)), column(v / (v @ v))
@@ -186,10 +189,10 @@ class SkyLight:
 
 
 class Lighting:
-    """All light of a scene: the sky, suns and rectangles."""
+    """All light of a scene: the sky (None: black), suns and rectangles."""
 
-    def __init__(self, sky: Sky, lights: Sequence[Sun | RectangleLight]) -> None:
-        self._sky = SkyLight(sky)
+    def __init__(self, sky: Sky | None, lights: Sequence[Sun | RectangleLight]) -> None:
+        self._sky = SkyLight(sky or ConstantSky((0, 0, 0)))
         self._suns = [light for light in lights if isinstance(light, Sun)]
         self._rectangles = [light for light in lights if isinstance(light, RectangleLight)]
         self.sampled: list[Light] = [*self._suns, *self._rectangles]
@@ -198,7 +201,8 @@ class Lighting:
 
     def distant(self, points: Array, directions: Array) -> list[tuple[Array, Array]]:
         """Colours and densities of each light that rays meet which leave the scene."""
-        return [light.meet(points, directions)[1:] for light in (self._sky, *self._suns)]
+        lights: list[Light] = [self._sky, *self._suns]
+        return [light.meet(points, directions)[1:] for light in lights]
 
     def nearest(self, points: Array, directions: Array) -> tuple[Array, Array, Array]:
         """Distances, colours and densities of the rectangles that rays meet first."""

@@ -1,4 +1,4 @@
-"""Materials of surfaces: a base colour, from a constant, a primvar or an image texture, and a finish."""
+"""Materials: a base colour, from a constant, a primvar or an image texture, and a finish."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ CLAY = (0.70, 0.61, 0.535)
 class Material:
     """What a surface is made of.
 
-    Without a roughness it is plain diffuse. With one it is a rough dielectric over a diffuse base, or
-    a rough metal; the integrator "path" shows that.
+    Without a roughness it is plain diffuse. With one it is a rough dielectric over a diffuse base,
+    or a rough metal; the integrator "path" shows that.
 
     Parameters
     ----------
@@ -64,6 +64,11 @@ class Material:
             if value is not None and not low <= value <= high:
                 raise ValueError(f"{name} must be {low} to {high}, not {value}")
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether the base colour is the same everywhere."""
+        return self.texture is None and self.color_primvar is None
+
 
 @dataclass(frozen=True, eq=False)
 class MaterialSet:
@@ -86,8 +91,8 @@ class Footprint:
     ) -> Footprint:
         """Where rays from one eye hit the tangent planes of the hits of `directions` (n, 3).
 
-        `d_dx` and `d_dy` (3,) are the differences of the directions of neighbouring pixels (ray
-        differentials: Igehy 1999, "Tracing Ray Differentials").
+        `d_dx` and `d_dy` (3,) or (n, 3) are the differences of the directions of neighbouring
+        pixels (ray differentials: Igehy 1999, "Tracing Ray Differentials").
         """
         normals = hits["primitive_normals"].astype(np.float64)
         t = hits["t_hit"].astype(np.float64)[:, np.newaxis]
@@ -113,7 +118,7 @@ class Footprint:
 
 
 BASE_COLOR_ATTRIBUTES = ("sub_quads", "dp_du", "dp_dv")
-"""What `base_colors` wants of `Scene.cast_rays` besides its usual answers."""
+"""What `base_colors` wants of `Scene.cast_rays` besides the usual, unless materials are plain."""
 
 
 def base_colors(
@@ -126,6 +131,9 @@ def base_colors(
     """
     colours = np.empty((len(hits["t_hit"]), 3))
     for material, here in _materials(scene, hits):
+        if material.is_plain:
+            colours[here] = material.base_color
+            continue
         part = {name: values[here] for name, values in hits.items()}
         spread = footprint and Footprint(footprint.d_dx[here], footprint.d_dy[here])
         colours[here] = _colors(scene, material, part, spread)

@@ -1,9 +1,8 @@
-"""Pictures: camera rays in large batches, shaded, averaged and shown on a neutral background."""
+"""Pictures: camera rays in large batches, shaded, averaged and shown on a background."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,18 @@ from numpy.typing import NDArray
 
 from limitray._arrays import one_of, positive_int
 from limitray.camera import Camera
+from limitray.denoise import denoised, load_denoiser
+from limitray.frame import Frame, Tile, TileJob, run_jobs
+from limitray.hits import cast
 from limitray.image import Image
+from limitray.light import Lighting, RectangleLight, Sky, Sun, studio
+from limitray.path import PURPOSES, PathIntegrator
 from limitray.sampling import Sampler
 from limitray.scene import Scene
-from limitray.shading import INTEGRATORS, Hits, hit_attributes, sample_dimensions, shade
+from limitray.shading import INTEGRATORS, JITTER, shade
 
 AOVS = ("depth", "normal", "position", "face", "patch")
-TILE_PIXELS = 1 << 16
-"""Pixels traced at once. Random numbers depend on it, so it is no setting."""
+MAX_LIGHTS = PURPOSES - 3
 
 BACKGROUND_TOP = np.array([0.66, 0.67, 0.69])
 BACKGROUND_BOTTOM = np.array([0.86, 0.86, 0.855])
@@ -34,33 +37,6 @@ class RenderInterrupted(KeyboardInterrupt):
         self.image = image
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """What stays the same over all tiles and samples of a picture."""
-
-    scene: Scene
-    camera: Camera
-    width: int
-    height: int
-    integrator: str
-    seed: int
-    spp: int
-
-    def tiles(self) -> list[NDArray[np.intp]]:
-        pixels = np.arange(self.width * self.height)
-        return [pixels[i : i + TILE_PIXELS] for i in range(0, len(pixels), TILE_PIXELS)]
-
-    def rays(self, pixels: NDArray[np.intp], offset: NDArray[np.float64]) -> NDArray[np.float64]:
-        x, y = pixels % self.width + offset[:, 0], pixels // self.width + offset[:, 1]
-        return self.camera.rays(x, y, self.width, self.height)
-
-    def spread(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Differences (3,) of ray directions between neighbouring samples in x and y."""
-        corner = self.rays(np.array([0, 1, self.width]), np.zeros((3, 2)))[:, 3:]
-        step = np.sqrt(self.spp)
-        return (corner[1] - corner[0]) / step, (corner[2] - corner[0]) / step
-
-
 def render(
     scene: Scene,
     camera: Camera | None = None,
@@ -71,8 +47,16 @@ def render(
     aovs: Sequence[str] = (),
     seed: int = 0,
     progress: ProgressCallback | None = None,
+    *,
+    sky: Sky | None = None,
+    lights: Sequence[Sun | RectangleLight] = (),
+    max_depth: int = 6,
+    denoise: bool = False,
 ) -> Image:
     """A picture of the scene.
+
+    One sample of every pixel is taken after the other, so that a picture that is stopped early is
+    a whole one with more noise.
 
     Parameters
     ----------
@@ -83,16 +67,26 @@ def render(
     width, height : int
         Size in pixels.
     spp : int
-        Samples a pixel, at least 1.
-    integrator : {"ao", "facing", "normal", "uv"}
+        Samples a pixel, at least 1; powers of 2 are spread best.
+    integrator : {"ao", "facing", "normal", "uv", "path"}
         "ao": clay under a soft sky and a key light; "facing": cosine of the angle between normal
-        and view; "normal": limit normals as colours; "uv": a checker in the base faces.
+        and view; "normal": limit normals as colours; "uv": a checker in the base faces; "path":
+        all light, over any number of surfaces.
     aovs : sequence of {"depth", "normal", "position", "face", "patch"}
         Layers to keep besides the colour, from one ray through each pixel's centre.
     seed : int
         Chooses the random numbers. Equal seeds give equal pictures, for any number of threads.
     progress : callable, optional
         Called with the pixel samples done and their total.
+    sky : ConstantSky, GradientSky or ImageSky, optional
+        For "path": what rays see that leave the scene, and the background of the picture. Without
+        a sky there is none (black) if lights are given; without both a studio is lit.
+    lights : sequence of Sun and RectangleLight
+        For "path", at most 29. Each is aimed at from every place that a path meets.
+    max_depth : int
+        For "path": surfaces that light may meet between its source and the camera, at least 1.
+    denoise : bool
+        For "path": remove the noise that is left, with the extra `limitray[denoise]`.
 
     Returns
     -------
@@ -106,53 +100,94 @@ def render(
         Ctrl-C was pressed (a KeyboardInterrupt); it holds the picture so far.
     """
     positive_int("width", width), positive_int("height", height), positive_int("spp", spp)
-    positive_int("seed", seed, minimum=0)
+    positive_int("seed", seed, minimum=0), positive_int("max_depth", max_depth)
     one_of("integrator", integrator, INTEGRATORS)
     for name in aovs:
         one_of("aovs", name, AOVS)
+    if integrator != "path" and (sky is not None or lights or denoise):
+        raise ValueError(f'sky, lights and denoise are for the integrator "path", not {integrator}')
+    if len(lights) > MAX_LIGHTS:
+        raise ValueError(f"lights must be at most {MAX_LIGHTS}, not {len(lights)}")
+    if denoise:
+        load_denoiser()
     camera = camera or Camera.frame(scene, width / height)
-    frame = _Frame(scene, camera, width, height, integrator, seed, spp)
-
-    sums, hit_counts, counts = (np.zeros((width * height, k)) for k in (3, 1, 1))
+    frame = Frame(scene, camera, width, height, seed, spp)
+    background = _neutral(frame)
+    job = _shading_job(frame, integrator)
+    if integrator == "path":
+        if sky is None and not lights:
+            lighting = Lighting(*studio(camera))
+        else:
+            lighting = Lighting(sky, lights)
+            background = _seen_behind(frame, lighting)
+        job = _path_job(frame, lighting, max_depth)
+    sums = np.zeros((width * height, 10))
+    counts = np.zeros((width * height, 1))
     layers: dict[str, NDArray[Any]] = {}
     try:
         layers = _layers(frame, aovs)
-        for index in range(spp):
-            for number, pixels in enumerate(frame.tiles()):
-                colours, found = _sample(frame, number, pixels, index)
-                sums[pixels] += colours
-                hit_counts[pixels, 0] += found
-                counts[pixels] += 1
-                if progress is not None:
-                    progress(index * width * height + int(pixels[-1]) + 1, width * height * spp)
+        for tile, values in run_jobs(frame, job):
+            sums[tile.pixels] += values.T
+            counts[tile.pixels] += 1
+            if progress is not None:
+                done = tile.index * width * height + int(tile.pixels[-1]) + 1
+                progress(done, width * height * spp)
     except KeyboardInterrupt:
-        raise RenderInterrupted(_image(frame, sums, hit_counts, counts, layers)) from None
-    return _image(frame, sums, hit_counts, counts, layers)
+        image = _image(frame, sums / np.maximum(counts, 1), background, layers, False)
+        raise RenderInterrupted(image) from None
+    return _image(frame, sums / counts, background, layers, denoise)
 
 
-def _sample(
-    frame: _Frame, number: int, pixels: NDArray[np.intp], index: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """One sample of each of `pixels`: colours (n, 3), black for misses, and which ones hit."""
-    sampler = Sampler(frame.seed, number, len(pixels), sample_dimensions(frame.integrator))
-    samples = sampler.draw(index)
-    rays = frame.rays(pixels, samples[:, :2])
-    cast = frame.scene.cast_rays(rays.astype(np.float32), attributes=hit_attributes(frame.scene))
-    found = np.isfinite(cast["t_hit"])
-    hits = Hits.from_cast(frame.scene, rays, cast, frame.spread())
-    colours = np.zeros((len(pixels), 3))
-    colours[found] = shade(frame.integrator, frame.scene, frame.camera, hits, samples[found, 2:])
-    return colours, found
+def _shading_job(frame: Frame, integrator: str) -> TileJob:
+    """One sample of each pixel of a tile: rows r, g, b, alpha, colour and normal: (10, n)."""
+
+    def job(tile: Tile, check: Callable[[], None]) -> NDArray[np.float32]:
+        sampler = Sampler(frame.seed, tile.index)
+        rays = frame.rays(tile.pixels, sampler.square(JITTER, tile.pixels))
+        check()
+        hits = cast(frame.scene, rays)
+        values = np.zeros((10, len(tile.pixels)), np.float32)
+        values[:3, hits.found] = shade(integrator, frame.scene, frame.camera, hits, sampler)
+        values[3, hits.found] = 1
+        return values
+
+    return job
 
 
-def _layers(frame: _Frame, aovs: Sequence[str]) -> dict[str, NDArray[Any]]:
+def _path_job(frame: Frame, lighting: Lighting, max_depth: int) -> TileJob:
+    """The same for the integrator "path"."""
+
+    def job(tile: Tile, check: Callable[[], None]) -> NDArray[np.float32]:
+        sampler = Sampler(frame.seed, tile.index)
+        rays = frame.rays(tile.pixels, sampler.square(JITTER, tile.pixels))
+        light, first = PathIntegrator(frame.scene, lighting, max_depth, check).trace(rays, sampler)
+        return np.concatenate([light, first.found[np.newaxis], first.colors, first.normals])
+
+    return job
+
+
+def _seen_behind(frame: Frame, lighting: Lighting) -> NDArray[np.float32]:
+    """The sky and the suns behind the scene, at the centres of the pixels: (h, w, 3)."""
+    pixels = np.arange(frame.width * frame.height, dtype=np.uint32)
+    rays = frame.rays(pixels, np.full((2, len(pixels)), 0.5, np.float32))
+    seen = lighting.distant(rays.origins, rays.directions)
+    colours = sum((colour for colour, _ in seen), np.zeros((3, 1), np.float32))
+    return np.ascontiguousarray(colours.T).reshape(frame.height, frame.width, 3)
+
+
+def _neutral(frame: Frame) -> NDArray[np.float32]:
+    height = np.linspace(0, 1, frame.height)[:, np.newaxis, np.newaxis]
+    background = BACKGROUND_TOP + height * (BACKGROUND_BOTTOM - BACKGROUND_TOP)
+    return np.broadcast_to(background, (frame.height, frame.width, 3)).astype(np.float32)
+
+
+def _layers(frame: Frame, aovs: Sequence[str]) -> dict[str, NDArray[Any]]:
     """The chosen layers, (height, width) or (height, width, 3)."""
     if not aovs:
         return {}
-    tiles = []
-    for pixels in frame.tiles():
-        rays = frame.rays(pixels, np.full((len(pixels), 2), 0.5)).astype(np.float32)
-        tiles.append(frame.scene.cast_rays(rays, attributes=("points", "patch_ids")))
+    x, y = np.meshgrid(np.arange(frame.width) + 0.5, np.arange(frame.height) + 0.5)
+    rays = frame.camera.rays(x, y, frame.width, frame.height).astype(np.float32)
+    hits = frame.scene.cast_rays(rays, attributes=("points", "patch_ids"))
     keys = {
         "depth": "t_hit",
         "normal": "primitive_normals",
@@ -160,26 +195,18 @@ def _layers(frame: _Frame, aovs: Sequence[str]) -> dict[str, NDArray[Any]]:
         "face": "primitive_ids",
         "patch": "patch_ids",
     }
-    layers = {name: np.concatenate([tile[keys[name]] for tile in tiles]) for name in aovs}
-    return {
-        name: layer.reshape(frame.height, frame.width, *layer.shape[1:])
-        for name, layer in layers.items()
-    }
+    return {name: hits[keys[name]] for name in aovs}
 
 
 def _image(
-    frame: _Frame,
-    sums: NDArray[np.float64],
-    hit_counts: NDArray[np.float64],
-    counts: NDArray[np.float64],
+    frame: Frame,
+    means: NDArray[np.float64],
+    background: NDArray[np.float32],
     layers: dict[str, NDArray[Any]],
+    denoise: bool,
 ) -> Image:
-    taken = np.maximum(counts, 1)
-    rgba = np.concatenate([sums, hit_counts], axis=1) / taken
-    height = np.linspace(0, 1, frame.height)[:, np.newaxis, np.newaxis]
-    background = BACKGROUND_TOP + height * (BACKGROUND_BOTTOM - BACKGROUND_TOP)
-    return Image(
-        rgba.reshape(frame.height, frame.width, 4).astype(np.float32),
-        np.broadcast_to(background, (frame.height, frame.width, 3)).astype(np.float32),
-        layers,
-    )
+    planes = means.reshape(frame.height, frame.width, 10).astype(np.float32)
+    rgba = np.ascontiguousarray(planes[..., :4])
+    if denoise:
+        rgba[..., :3] = denoised(*(np.ascontiguousarray(planes[..., k : k + 3]) for k in (0, 4, 7)))
+    return Image(rgba, background, layers)

@@ -72,7 +72,8 @@ class Scene:
 
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
         one_of("device", device, DEVICES)
-        positive_int("threads", threads, minimum=0)
+        self.threads = positive_int("threads", threads, minimum=0)
+        """Threads of the tracer; 0 stands for all cores."""
         self._scene: _core.Scene | GpuScene
         if device == "cpu":
             self._scene = _core.Scene(threads)
@@ -169,6 +170,11 @@ class Scene:
     def has_materials(self) -> bool:
         """Whether any mesh has been given a material."""
         return len(self._material_sets) > 1
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether every mesh has one colour, without textures and colour primvars."""
+        return all(m.is_plain for group in self._material_sets for m in group.materials)
 
     def primvar_names(self) -> tuple[str, ...]:
         """Names of the primvars that any mesh has."""

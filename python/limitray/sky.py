@@ -81,8 +81,8 @@ class ImageSky:
     Parameters
     ----------
     image : array (h, w, 3) of float
-        Linear colours, at least 0; row 0 is straight up, and the middle column straight ahead, along
-        -z if y is up and along +y if z is up.
+        Linear colours, at least 0; row 0 is straight up, and the middle column straight ahead,
+        along -z if y is up and along +y if z is up.
     up : (3,)
         Direction of the upper border.
     rotation_deg : float
@@ -123,7 +123,7 @@ class ImageSky:
         return cls(read_image(Path(path)), up, rotation_deg, scale)
 
     def _build_table(self) -> None:
-        """Cells of the sphere and the probability of each: its light, and a little for dark ones."""
+        """Cells of the sphere and how likely each is: by its light, and a little for dark ones."""
         step = -(-self._height // IMPORTANCE_SIZE)
         self._rows, self._columns = -(-self._height // step), -(-self._width // step)
         light = np.zeros((self._rows * step, self._columns * step))

@@ -12,13 +12,13 @@ import io
 import os
 import re
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from limitray import _core
 from limitray._arrays import one_of, real_array
 from limitray.image import srgb_to_linear
 
@@ -29,34 +29,8 @@ Array = NDArray[np.float64]
 WRAPS = ("repeat", "mirror", "clamp", "black")
 COLOR_SPACES = ("auto", "sRGB", "raw")
 SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
-MAX_ANISOTROPY = 4.0
-"""How far the longer side of a footprint may exceed the shorter before detail is kept."""
 
 _UDIM = "<UDIM>"
-
-
-@dataclass(frozen=True, eq=False)
-class _Pyramid:
-    """One image, finest level first: arrays (h, w, 3) of linear float32; row 0 is the bottom."""
-
-    levels: tuple[NDArray[np.float32], ...]
-
-    @classmethod
-    def of(cls, image: NDArray[np.float32]) -> _Pyramid:
-        levels = [np.ascontiguousarray(image[::-1])]
-        while max(levels[-1].shape[:2]) > 1:
-            levels.append(_halved(levels[-1]))
-        return cls(tuple(levels))
-
-
-def _halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Half the size, rounded up, by averaging; an odd last row or column is repeated."""
-    height, width = image.shape[:2]
-    padded = np.pad(image, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-    half: NDArray[np.float32] = padded.reshape((height + 1) // 2, 2, (width + 1) // 2, 2, 3).mean(
-        axis=(1, 3), dtype=np.float32
-    )
-    return half
 
 
 class Texture:
@@ -79,7 +53,7 @@ class Texture:
         values = real_array("image", image, (None, None, 3), np.float32)
         if values.size == 0:
             raise ValueError(f"image must not be empty, got shape {values.shape}")
-        self._tiles = {(0, 0): _Pyramid.of(values)}
+        self._tiles = {(0, 0): _mip_map(values)}
         self._udim = False
         self._set_wraps(wrap_s, wrap_t)
 
@@ -131,7 +105,7 @@ class Texture:
             raise FileNotFoundError(2, "no UDIM tile found", str(name))
         texture = cls.__new__(cls)
         texture._tiles = {
-            ((number - 1001) % 10, (number - 1001) // 10): _Pyramid.of(read_image(file, color_space))
+            ((number - 1001) % 10, (number - 1001) // 10): _mip_map(read_image(file, color_space))
             for number, file in files.items()
         }
         texture._udim = True
@@ -153,8 +127,8 @@ class Texture:
     @property
     def shape(self) -> tuple[int, int]:
         """Height and width in pixels, of the first tile."""
-        level = next(iter(self._tiles.values())).levels[0]
-        return int(level.shape[0]), int(level.shape[1])
+        first = next(iter(self._tiles.values()))
+        return first.height, first.width
 
     @property
     def tiles(self) -> tuple[int, ...]:
@@ -164,87 +138,34 @@ class Texture:
     def sample(self, st: ArrayLike, d_dx: ArrayLike = 0.0, d_dy: ArrayLike = 0.0) -> Array:
         """Linear colours (n, 3) at texture coordinates `st` (n, 2).
 
-        `d_dx` and `d_dy` (n, 2) are the differences of (s, t) to the neighbouring pixels; without
-        them the finest level is taken.
+        `d_dx` and `d_dy` are the differences of (s, t) to the neighbouring pixels, (n, 2) or (2,);
+        without them the finest level is taken.
         """
         places = real_array("st", st, (None, 2))
-        differences = [
-            np.broadcast_to(np.asarray(d, np.float64), places.shape) for d in (d_dx, d_dy)
-        ]
-        colours = np.zeros((len(places), 3))
+        differences = [_differences(name, d) for name, d in (("d_dx", d_dx), ("d_dy", d_dy))]
         if not self._udim:
-            self._add(self._tiles[0, 0], colours, np.arange(len(places)), places, differences)
-            return colours
+            return self._tiles[0, 0].sample(places, *differences, *self._wraps)
+        colours = np.zeros((len(places), 3))
         cells = np.floor(places)
-        for tile, pyramid in self._tiles.items():
+        for tile, image in self._tiles.items():
             rows = np.flatnonzero((cells == tile).all(axis=1))
-            self._add(pyramid, colours, rows, places - tile, differences)
+            parts = [d[rows] if len(d) > 1 else d for d in differences]
+            colours[rows] = image.sample(places[rows] - tile, *parts, *self._wraps)
         return colours
 
-    def _add(
-        self,
-        pyramid: _Pyramid,
-        colours: Array,
-        rows: NDArray[np.intp],
-        places: Array,
-        differences: list[Array],
-    ) -> None:
-        """Writes the colours of `rows`: linear between the two nearest levels."""
-        size = pyramid.levels[0].shape[1::-1]
-        level = _levels([d[rows] * size for d in differences], len(pyramid.levels) - 1)
-        lower = np.floor(level).astype(int)
-        blend = (level - lower)[:, np.newaxis]
-        for k in np.unique(lower):
-            here = lower == k
-            st = places[rows[here]]
-            fine = _bilinear(pyramid.levels[k], st, self._wraps)
-            coarse = _bilinear(pyramid.levels[min(k + 1, len(pyramid.levels) - 1)], st, self._wraps)
-            colours[rows[here]] = fine + blend[here] * (coarse - fine)
+
+def _mip_map(image: NDArray[np.float32]) -> _core.MipMap:
+    """The levels of an image whose row 0 is the top."""
+    return _core.MipMap(np.ascontiguousarray(image[::-1], np.float32))
 
 
-def _levels(differences: list[Array], coarsest: int) -> Array:
-    """Mip level (n,) for footprints in texels of the finest level."""
-    a, b = (np.linalg.norm(d, axis=1) for d in differences)
-    longer, shorter = np.maximum(a, b), np.minimum(a, b)
-    width = np.where(shorter > 0, np.minimum(longer, MAX_ANISOTROPY * shorter), longer)
-    with np.errstate(divide="ignore"):
-        level: Array = np.clip(np.nan_to_num(np.log2(width), nan=0.0), 0, coarsest)
-    return level
-
-
-def _bilinear(image: NDArray[np.float32], st: Array, wraps: tuple[str, str]) -> NDArray[np.float64]:
-    """Colours (n, 3) at (s, t): linear between the centres of the four nearest texels."""
-    height, width = image.shape[:2]
-    x, y = st[:, 0] * width - 0.5, st[:, 1] * height - 0.5
-    i, j = np.floor(x), np.floor(y)
-    across, upward = (x - i)[:, np.newaxis], (y - j)[:, np.newaxis]
-    columns = [_wrapped(i + k, width, wraps[0]) for k in (0, 1)]
-    lines = [_wrapped(j + k, height, wraps[1]) for k in (0, 1)]
-    texels = [[_texels(image, column, line) for column in columns] for line in lines]
-    below, above = (left + across * (right - left) for left, right in texels)
-    return np.asarray(below + upward * (above - below))
-
-
-def _texels(
-    image: NDArray[np.float32], columns: NDArray[np.int64], lines: NDArray[np.int64]
-) -> Array:
-    """Colours (n, 3), black where an index is negative."""
-    inside = (columns >= 0) & (lines >= 0)
-    return image[lines, columns].astype(np.float64) * inside[:, np.newaxis]
-
-
-def _wrapped(index: Array, size: int, wrap: str) -> NDArray[np.int64]:
-    """Texel indices in [0, size), -1 for black."""
-    if wrap == "repeat":
-        found = index % size
-    elif wrap == "mirror":
-        period = index % (2 * size)
-        found = np.minimum(period, 2 * size - 1 - period)
-    elif wrap == "clamp":
-        found = np.clip(index, 0, size - 1)
-    else:
-        found = np.where((index < 0) | (index >= size), -1, index)
-    return np.nan_to_num(found, nan=-1).astype(np.int64)
+def _differences(name: str, values: ArrayLike) -> Array:
+    """Differences (n, 2), or (1, 2) where one pair or number is given for all."""
+    array = np.atleast_1d(np.asarray(values, np.float64))
+    if array.ndim == 1:
+        array = np.broadcast_to(array, (1, 2))
+    checked: Array = real_array(name, array, (None, 2))
+    return checked
 
 
 def _tile_number(pattern: Path, file: Path) -> int:

@@ -25,6 +25,11 @@ def column(vector: ArrayLike) -> Array:
     return np.asarray(vector, np.float32).reshape(3, 1)
 
 
+def pick(array: Array, chosen: Rows) -> Array:
+    """The vectors `chosen` (k,) of an array (3, n): (3, k); quicker than indexing."""
+    return np.take(array, chosen, axis=1, mode="clip")
+
+
 def dot(a: Array, b: Array) -> Array:
     """Scalar products (n,)."""
     products: Array = a[0] * b[0]
@@ -36,7 +41,7 @@ def dot(a: Array, b: Array) -> Array:
 def normalized(v: Array) -> Array:
     """Unit vectors; 0 stays 0."""
     length = np.sqrt(dot(v, v))
-    return v / np.maximum(length, np.finfo(np.float32).tiny)
+    return np.asarray(v / np.maximum(length, np.finfo(np.float32).tiny), np.float32)
 
 
 def tangent_frames(normals: Array) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ namespace nb = nanobind;
 void bind_cage(nb::module_& module);
 void bind_limit(nb::module_& module);
 void bind_scene(nb::module_& module);
+void bind_texture(nb::module_& module);
 
 /// C-contiguous input array, read in place. The dtype must match exactly (see
 /// `nb::arg::noconvert`).

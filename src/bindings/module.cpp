@@ -7,4 +7,5 @@ NB_MODULE(_core, module) {
   limitray::bindings::bind_cage(module);
   limitray::bindings::bind_limit(module);
   limitray::bindings::bind_scene(module);
+  limitray::bindings::bind_texture(module);
 }

@@ -113,4 +113,6 @@ def demo():
     for segment in handles:
         add_handle(cage, segment)
     cage.tag("interpolateboundary", [1])
+    # Modelled with z up; OBJ files have y up.
+    cage.points = [(x, z, -y) for x, y, z in cage.points]
     return cage

@@ -123,7 +123,7 @@ def torus(around=8, across=6):
     for i in range(around):
         for x, z in circle(across, 0.45):
             angle = 2 * math.pi * i / around
-            cage.point((1.2 + x) * math.cos(angle), (1.2 + x) * math.sin(angle), z)
+            cage.point((1.2 + x) * math.cos(angle), (1.2 + x) * math.sin(angle), -z)
     cage.tube(range(around), across, closed=True)
     return cage
 

@@ -62,9 +62,9 @@ Fractions measure(test::Generator& g, const ObjectRay& ray, const Vec3d& center,
   PatchRay<T> r;
   Fractions f;
   if (!make_patch_ray(ray, test::extent_of(test::radius_of(patch), center), r)) return f;
-  const RootPatch<T> root = to_ray_frame(
-      rounded.net, rounded.bump_or_null(), r,
-      project(make_patch_model(rounded.net, rounded.bump_or_null()), r));
+  const RootPatch<T> root =
+      to_ray_frame(rounded.net, rounded.bump_or_null(), r,
+                   project(make_patch_model(rounded.net, rounded.bump_or_null()), r));
   T got[3][16];
   store_net(got[0], root.x), store_net(got[1], root.y), store_net(got[2], root.z);
   for (int i = 0; i < 16; ++i) {
@@ -100,7 +100,8 @@ TYPED_TEST(RayTest, EpsScalesWithTheMeshAndNotWithItsPlace) {
   using T = TypeParam;
   PatchRay<T> near, moved, large;
   ASSERT_TRUE(make_patch_ray({{0, 0, -3}, {0, 0, 1}}, test::extent_of(1), near));
-  ASSERT_TRUE(make_patch_ray({{1e4, 0, 1e4 - 3}, {0, 0, 1}}, test::extent_of(1, {1e4, 0, 1e4}), moved));
+  ASSERT_TRUE(
+      make_patch_ray({{1e4, 0, 1e4 - 3}, {0, 0, 1}}, test::extent_of(1, {1e4, 0, 1e4}), moved));
   ASSERT_TRUE(make_patch_ray({{0, 0, -3e4}, {0, 0, 1}}, test::extent_of(1e4), large));
   EXPECT_LT(moved.eps, near.eps * (std::is_same_v<T, float> ? T(1.001) : T(1e5)));
   EXPECT_NEAR(large.eps / near.eps, 1e4, 1);

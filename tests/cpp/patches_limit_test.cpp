@@ -2,10 +2,14 @@
 // surface to rounding; Gregory patches are near it, nearer with each level of isolation. The truth
 // is the limit evaluator, which shares no code with the refinement, and OpenSubdiv's limit masks.
 #include <gtest/gtest.h>
+#include <opensubdiv/far/patchMap.h>
+#include <opensubdiv/far/patchTableFactory.h>
+#include <opensubdiv/far/stencilTable.h>
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <memory>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -155,6 +159,73 @@ TEST_P(SemiSharpCrease, IsExactInPiecesAndAtItsEnds) {
   EXPECT_LT(errors.bezier, 1e-13);
 }
 INSTANTIATE_TEST_SUITE_P(Sharpnesses, SemiSharpCrease, testing::Values(0.3f, 1, 2.5f, 3.7f, 9));
+
+/// The cage's patches as OpenSubdiv makes and evaluates them, in one piece.
+class OpenSubdivPatches {
+ public:
+  OpenSubdivPatches(const ControlCage& cage, int level) {
+    std::unique_ptr<test::Far::TopologyRefiner> refiner = test::make_refiner(cage, 0);
+    refiner->Unrefine();
+    test::Far::PatchTableFactory::Options options(level);
+    options.useInfSharpPatch = true;
+    options.generateLegacySharpCornerPatches = false;
+    options.SetPatchPrecision<double>();
+    refiner->RefineAdaptive(options.GetRefineAdaptiveOptions());
+    table_.reset(test::Far::PatchTableFactory::Create(*refiner, options));
+    map_ = std::make_unique<test::Far::PatchMap>(*table_);
+
+    for (const Vec3d& p : cage.points) points_.push_back({p});
+    const test::Far::PrimvarRefinerReal<double> primvars(*refiner);
+    points_.resize(refiner->GetNumVerticesTotal() + table_->GetNumLocalPoints());
+    test::RefinedPoint *from = points_.data(), *to = from;
+    for (int l = 1; l <= refiner->GetMaxLevel(); ++l, from = to) {
+      to = from + refiner->GetLevel(l - 1).GetNumVertices();
+      primvars.Interpolate(l, from, to);
+    }
+    table_->GetLocalPointStencilTable<double>()->UpdateValues(
+        points_.data(), points_.data() + refiner->GetNumVerticesTotal());
+  }
+
+  Vec3d point(int ptex_face, double u, double v) const {
+    const test::Far::PatchTable::PatchHandle* patch = map_->FindPatch(ptex_face, u, v);
+    double weights[20];
+    table_->EvaluateBasis(*patch, u, v, weights);
+    const test::Far::ConstIndexArray indices = table_->GetPatchVertices(*patch);
+    test::RefinedPoint sum;
+    for (int i = 0; i < indices.size(); ++i) sum.AddWithWeight(points_[indices[i]], weights[i]);
+    return sum.p;
+  }
+
+ private:
+  std::unique_ptr<const test::Far::PatchTable> table_;
+  std::unique_ptr<test::Far::PatchMap> map_;
+  std::vector<test::RefinedPoint> points_;
+};
+
+TEST(Patches, AreOpenSubdivsAsANetAndABump) {
+  for (const char* name : {"cube", "pole_8", "prism_5", "tetrahedron", "dart_infinite", "open_fan",
+                           "cube_inf_loop", "icosahedron_smooth", "non_manifold_vertex"}) {
+    const ControlCage cage = load(name);
+    const PatchSampler sampler = sampler_of(cage, 3);
+    const OpenSubdivPatches truth(cage, 3);
+    std::mt19937 random(6);
+    std::uniform_real_distribution<double> inside(0, 1);
+    int ptex_face = 0, gregory = 0;
+    for (const auto& [quad, patches] : sampler.quads()) {  // in ptex order, as there are no holes
+      for (int i = 0; i < 100; ++i) {
+        const double u = i % 2 ? inside(random) : inside(random) / 8, v = inside(random) / 8;
+        for (const PatchPoint& p : sampler.at({quad.first, quad.second, u, v})) {
+          gregory += p.gregory;
+          ASSERT_LT(length(p.point - truth.point(ptex_face, u, v)),
+                    1e-14 * sampler.patches().radius)
+              << name << " face " << quad.first << " (" << u << ", " << v << ")";
+        }
+      }
+      ++ptex_face;
+    }
+    EXPECT_GT(gregory, 50) << name;
+  }
+}
 
 // Measured with 200,000 samples a level; relative to the radius of the patches.
 struct Nearness {

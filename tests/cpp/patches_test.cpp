@@ -167,7 +167,7 @@ std::vector<std::filesystem::path> small_files() {
   std::vector<std::filesystem::path> files = test::cage_files();
   const std::vector<std::filesystem::path> models = test::model_files();
   std::copy_if(models.begin(), models.end(), std::back_inserter(files),
-               [](const auto& file) { return std::filesystem::file_size(file) < 60'000; });
+               [](const auto& file) { return std::filesystem::file_size(file) < 20'000; });
   return files;
 }
 
@@ -200,7 +200,7 @@ TEST_P(PatchesOfCage, CoverEachQuadOfEachPresentFaceOnce) {
 
 TEST_P(PatchesOfCage, MeetWithoutGaps) {
   const ControlCage cage = read_obj(GetParam());
-  for (const int level : {1, 2, 4}) expect_no_gaps(cage, level);
+  for (const int level : {1, 2, 3}) expect_no_gaps(cage, level);
 }
 
 /// OpenSubdiv's Gregory patches do not meet where one infinitely sharp crease ends at an inner
@@ -224,10 +224,10 @@ bool has_sharp_end_between_two_faces(const ControlCage& cage) {
 
 TEST_P(PatchesOfCage, MeetWithoutGapsUnderAnyTags) {
   const ControlCage cage = read_obj(GetParam());
-  for (unsigned seed = 0; seed < 4; ++seed) {
+  for (unsigned seed = 0; seed < 2; ++seed) {
     const ControlCage tagged = test::with_random_creases(cage, seed);
     if (!has_sharp_end_between_two_faces(tagged))
-      expect_no_gaps(tagged, 1 + static_cast<int>(seed) % 3);
+      expect_no_gaps(tagged, 1 + static_cast<int>(seed));
   }
 }
 

@@ -1,11 +1,12 @@
-// Nothing leaks: rays aimed at the seams of closed cages, 2 million a cage, from inside and outside,
-// grazing and coherent (tests/support/watertight.h says what counts as a leak). bench/watertight runs
-// the same at length.
+// Nothing leaks: rays aimed at the seams of closed cages, 2 million a cage, from inside and
+// outside, grazing and coherent (tests/support/watertight.h says what counts as a leak).
+// bench/watertight runs the same at length.
+#include "../support/watertight.h"
+
 #include <gtest/gtest.h>
 
 #include <cstdio>
 
-#include "../support/watertight.h"
 #include "cage_files.h"
 #include "limitray/cage/obj.h"
 #include "limitray/scene.h"

@@ -22,16 +22,16 @@ inline Vec3d random_direction(Generator& g) {
 
 enum class Shape { smooth, wild, folded, flat, collapsed_edge, collapsed_corner, curve, point };
 inline constexpr Shape all_shapes[] = {
-    Shape::smooth,         Shape::wild,             Shape::folded, Shape::flat,
-    Shape::collapsed_edge, Shape::collapsed_corner, Shape::curve,  Shape::point};
+    Shape::smooth,           Shape::wild,  Shape::folded, Shape::flat, Shape::collapsed_edge,
+    Shape::collapsed_corner, Shape::curve, Shape::point};
 /// Shapes that are surfaces: a ray may be aimed at any of their points.
 inline constexpr Shape surface_shapes[] = {Shape::smooth,         Shape::wild,
                                            Shape::folded,         Shape::flat,
                                            Shape::collapsed_edge, Shape::collapsed_corner};
 
 inline const char* name_of(Shape s) {
-  constexpr const char* names[] = {"smooth",         "wild",             "folded", "flat",
-                                   "collapsed_edge", "collapsed_corner", "curve",  "point"};
+  constexpr const char* names[] = {"smooth",           "wild",  "folded", "flat", "collapsed_edge",
+                                   "collapsed_corner", "curve", "point"};
   return names[int(s)];
 }
 

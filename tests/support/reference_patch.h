@@ -1,5 +1,6 @@
-// Truth for the kernel tests: patches in long double by the textbook formulae (de Casteljau, Gregory's
-// rational blend of f+ and f-), sharing no code with src/limitray but the storage of a patch.
+// Truth for the kernel tests: patches in long double by the textbook formulae (de Casteljau,
+// Gregory's rational blend of f+ and f-), sharing no code with src/limitray but the storage of a
+// patch.
 #pragma once
 
 #include <cmath>
@@ -61,7 +62,8 @@ Real reference_component(const T* net, const T* bump, Real s, Real t) {
     }
   }
   Real row[4];
-  for (int j = 0; j < 4; ++j) row[j] = casteljau(p[4 * j], p[4 * j + 1], p[4 * j + 2], p[4 * j + 3], s);
+  for (int j = 0; j < 4; ++j)
+    row[j] = casteljau(p[4 * j], p[4 * j + 1], p[4 * j + 2], p[4 * j + 3], s);
   return casteljau(row[0], row[1], row[2], row[3], t);
 }
 

@@ -20,7 +20,8 @@ double unit_random(Generator& g) {
   return double(g() >> 11) * 0x1p-53;
 }
 
-/// Whether each edge of `cage` has two faces that wind in opposite directions, and no face is a hole.
+/// Whether each edge of `cage` has two faces that wind in opposite directions, and no face is a
+/// hole.
 inline bool is_closed(const ControlCage& cage) {
   std::map<std::pair<int, int>, int> directed;
   std::size_t begin = 0;

@@ -3,10 +3,10 @@
 
 #include <vector>
 
+#include "extent.h"
 #include "limitray/intersect/hit_attributes.h"
 #include "limitray/intersect/intersect_patch.h"
 #include "limitray/patches/patch_model.h"
-#include "extent.h"
 #include "random_patches.h"
 
 namespace limitray::test {
@@ -26,11 +26,11 @@ struct SearchResult {
   double eps = 0;  // the larger one of the search's own bounds on x and y
 };
 
-/// Appends the roots of `p` on `ray`; with `closest`, what is farther than the nearest so far is left
-/// out as in Scene::cast_rays.
+/// Appends the roots of `p` on `ray`; with `closest`, what is farther than the nearest so far is
+/// left out as in Scene::cast_rays.
 template <class T>
-SearchResult find_roots(const RoundedPatch<T>& p, double radius, const ObjectRay& ray, Search search,
-                        bool closest, std::vector<Root<T>>& roots) {
+SearchResult find_roots(const RoundedPatch<T>& p, double radius, const ObjectRay& ray,
+                        Search search, bool closest, std::vector<Root<T>>& roots) {
   SearchResult result;
   PatchRay<T> r;
   result.ray_accepted = make_patch_ray(ray, extent_of(radius), r);
@@ -41,8 +41,8 @@ SearchResult find_roots(const RoundedPatch<T>& p, double radius, const ObjectRay
   const ProjectedModel<T> m = project(model, r);
   result.eps = double(std::max(m.eps_x, m.eps_y));
   const auto on_hit = [&](const PatchRoot<T>& root, T& z) {
-    roots.push_back({r.t_of(root.z), t_error(model, r, root.radius) + root.spread * r.t_scale,
-                     root.u, root.v});
+    roots.push_back(
+        {r.t_of(root.z), t_rounding(model, r) + root.spread * r.t_scale, root.u, root.v});
     if (closest) z = std::min(z, root.z);
     return false;
   };

@@ -39,7 +39,8 @@ struct LeakCounts {
   }
 };
 
-/// A ray's duties: hit at all by `must_hit_by`; at or before `target_t`, without excuse if `strict`.
+/// A ray's duties: hit at all by `must_hit_by`; at or before `target_t`, without excuse if
+/// `strict`.
 struct Duty {
   double must_hit_by = std::numeric_limits<double>::infinity();
   bool must_hit = false, strict = false, aimed = false;

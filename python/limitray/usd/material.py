@@ -63,6 +63,8 @@ class MaterialReader:
         """The material of a prim; None if it has none with a UsdPreviewSurface."""
         material = binding.ComputeBoundMaterial()[0]
         if not material:
+            for target in binding.GetDirectBindingRel().GetTargets():
+                self._note(f"{target}: ignored: there is no such material (is it MaterialX?)")
             return None
         path = str(material.GetPath())
         if path not in self._materials:

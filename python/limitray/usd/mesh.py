@@ -61,6 +61,8 @@ def read_mesh(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Mesh, list[str]]:
             notes += _concave_faces(points, counts, indices)
     for name, primvar in _primvars(prim, time, counts, len(points), notes):
         arguments["primvars"][name] = primvar
+    if "SkelBindingAPI" in prim.GetAppliedSchemas():
+        notes.append("shown as it is bound: skinning is not applied")
     try:
         return Mesh(points, counts, indices, **arguments), [f"{prim.GetPath()}: {n}" for n in notes]
     except ValueError as error:
@@ -208,8 +210,7 @@ def _real_rows(values: Any, element_size: int) -> NDArray[np.float32] | None:
     array = np.array(values)
     if array.dtype.kind != "f":
         return None
-    scalar_type = array.ndim == 0 or (array.ndim == 1 and not _is_array(values))
-    rows = array.reshape(1, -1) if scalar_type else array.reshape(len(array), -1)
+    rows = array.reshape(len(array) if _is_array(values) else 1, -1)
     if element_size > 1 and len(rows) % element_size == 0:
         rows = rows.reshape(len(rows) // element_size, -1)
     return rows.astype(np.float32)

@@ -1,11 +1,11 @@
-// Stage: intersection, S4. Comes in: subpatches that the bisection cannot tell from a hit. Goes out:
-// one hit for all that touch in depth, with the depth that they span.
+// Stage: intersection, S4. Comes in: subpatches that the bisection cannot tell from a hit. Goes
+// out: one hit for all that touch in depth, with the depth that they span.
 //
 // Near a silhouette the ray runs along the surface: the bounds cannot tell where in a stretch of
 // depth of about sqrt(eps) it enters. All subpatches of that stretch are one hit, and its span is
 // part of the bound on t. The bisection visits them in the order of growing siblings, so that each
-// is about as large as all that was taken before: whatever does not widen the span more than twofold is taken
-// whole, and the number of splits stays logarithmic.
+// is about as large as all that was taken before: whatever does not widen the span more than
+// twofold is taken whole, and the number of splits stays logarithmic.
 #pragma once
 
 #include "limitray/intersect/newton.h"

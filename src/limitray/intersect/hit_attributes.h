@@ -46,14 +46,12 @@ Vec3<T> unit_normal(const PatchNet<T>& net, const PatchBump<T>* bump, T s, T t,
   }
 }
 
-/// Bound on |t - t of the surface's own hit|: the depth's rounding, that of the last Newton step
-/// (taken blindly when it ends within eps_x, eps_y), and the parametric distance `radius` times the
-/// steepest depth of the patch. PatchRoot::spread comes on top.
+/// Bound on |t - t of the surface's own hit|, in units of t, beside PatchRoot::spread: the depth's
+/// rounding and that of the last Newton step (taken blindly when it ends within eps_x, eps_y).
 template <class T>
-double t_error(const PatchModel<T>& model, const PatchRay<T>& ray, T radius) {
+double t_rounding(const PatchModel<T>& model, const PatchRay<T>& ray) {
   const ProjectedModel<T> m = project(model, ray);
-  const T last_step = std::min(m.eps_x, m.eps_y);
-  return double(m.eps_z + last_step + radius * m.z_slope) * ray.t_scale;
+  return double(m.eps_z + std::min(m.eps_x, m.eps_y)) * ray.t_scale;
 }
 
 }  // namespace LIMITRAY_ISA

@@ -115,8 +115,8 @@ SubPatch<T> recover(const RootPatch<T>& root, const Domain<Bits>& d) {
   return recover(root, T(d.index_u) * su, T(d.index_v) * sv, su, sv);
 }
 
-/// Size below which Bezier subpatches are recovered instead of split, so that the rounding of at most
-/// 16 splits adds up (3 u each).
+/// Size below which Bezier subpatches are recovered instead of split, so that the rounding of at
+/// most 16 splits adds up (3 u each).
 template <class T>
 inline constexpr T split_size = T(1.0 / 256);
 
@@ -168,8 +168,8 @@ bool misses_across(const SubPatch<T>& s) {
   const LongTangent<T> t(s);
   return misses_zero(t.x * s.y - t.y * s.x, std::abs(t.y) * s.dx + std::abs(t.x) * s.dy);
 }
-/// S3: whether the second half is the nearer one. Near a silhouette the ray meets a subpatch along a
-/// curve by_u du + by_v dv = 0; the halves are ordered by depth along it.
+/// S3: whether the second half is the nearer one. Near a silhouette the ray meets a subpatch along
+/// a curve by_u du + by_v dv = 0; the halves are ordered by depth along it.
 template <class T>
 bool second_is_nearer(const SubPatch<T>& s, bool across_u) {
   const LongTangent<T> t(s);
@@ -231,10 +231,11 @@ template <class T, bool use_newton, class OnHit>
     bool done = false;  // with this subdomain
     // The whole patch was tried by its model; two splits later it pays to try again.
     if (use_newton && domain.splits_u() && domain.level_u > 0) {
-      PatchRoot<T> r;
+      PatchRoot<T> r{};
       const NewtonResult result =
           newton_on_subpatch(root, sub, r, count.newton_runs, count.newton_steps);  // S8
       done = result != NewtonResult::undecided;
+      r.spread = r.radius * model.z_slope;
       if (result == NewtonResult::hit && on_hit(r, zmax)) return;
     }
     const int deepest = std::max(domain.level_u, domain.level_v);
@@ -284,9 +285,10 @@ template <class T, bool use_newton, class OnHit>
   ++count.patch_tests;
   const ProjectedModel<T> m = project(model, ray);
   if constexpr (use_newton) {
-    PatchRoot<T> r;
+    PatchRoot<T> r{};
     const NewtonResult result = newton_on_model(m, model.curvature, net, bump, ray, r,
                                                 count.newton_runs, count.newton_steps);
+    r.spread = r.radius * m.z_slope;
     if (result == NewtonResult::hit) on_hit(r, zmax);
     if (result != NewtonResult::undecided) return;
   }

@@ -30,7 +30,7 @@ template <class T>
 struct LeafHit {
   double t = std::numeric_limits<double>::infinity();
   std::uint32_t instance = invalid_id, leaf = invalid_id;
-  T s = 0, t_patch = 0, radius = 0;
+  T s = 0, t_patch = 0;
   double spread = 0;  // PatchRoot's, in units of t
 
   /// Hits whose stretches of t touch are one: the nearer one stands for both.
@@ -60,9 +60,8 @@ bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const Obje
         [&](const PatchRoot<T>& root, T& z) {
           const double t = double(T(r.t_of(root.z)));  // as it will be reported
           if (!(t > ray.tnear && t <= tfar)) return false;
-          ended = on_hit(LeafHit<T>{t, instance, k, root.u, root.v, root.radius,
-                                    double(root.spread) * r.t_scale},
-                         r);
+          ended = on_hit(
+              LeafHit<T>{t, instance, k, root.u, root.v, double(root.spread) * r.t_scale}, r);
           z = std::min(z, r.z_above(tfar));  // on_hit keeps only what is nearer from now on
           return ended;
         },
@@ -176,8 +175,8 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
       local.org = in.to_object.point(ray.org), local.dir = in.to_object.vector(ray.dir);
     make_patch_ray(local, g.extent, r);
     // The last step: t itself is rounded to T.
-    const double e = t_error(g.models[hit.leaf], r, hit.radius) + hit.spread +
-                     double(unit_roundoff<T>) * std::abs(hit.t);
+    const double e =
+        t_rounding(g.models[hit.leaf], r) + hit.spread + double(unit_roundoff<T>) * std::abs(hit.t);
     h.t_error[i] = std::nextafter(T(e), std::numeric_limits<T>::infinity());
   }
 }
@@ -250,7 +249,7 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
         const auto p = evaluate_patch(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch);
         Vec3d n = unit_normal(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch, p);
         n = normal_to_world(in, g.left_handed ? -1.0 * n : n);
-        const double e = t_error(g.models[h.leaf], r, h.radius) + h.spread;
+        const double e = t_rounding(g.models[h.leaf], r) + h.spread;
         out.push_back({h.t, e + unit_roundoff<double> * std::abs(h.t), info.u0 + h.s * info.du,
                        info.v0 + h.t_patch * info.dv, n, dot(n, ray.dir) < 0, h.instance, info.face,
                        info.sub_quad});

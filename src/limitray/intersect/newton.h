@@ -45,7 +45,7 @@ template <class T>
 struct PatchRoot {
   T u, v, z;
   T radius;      // bound on the parametric distance to the surface's own hit
-  T spread = 0;  // S4: bound on what the depth may be off beyond that
+  T spread = 0;  // bound on the distance in depth, rounding aside
 };
 
 /// M, e and K of the head comment.

@@ -1,0 +1,273 @@
+// What a scene promises, on one or two cages: intervals, misses, hostile rays, threads and order,
+// instances, moved points, scale and place.
+#include "limitray/scene.h"
+
+#include <gtest/gtest.h>
+
+#include "../support/cast.h"
+#include "../support/random_patches.h"
+#include "cage_files.h"
+#include "limitray/cage/obj.h"
+
+namespace limitray {
+namespace {
+
+using test::Hits;
+using test::Rays;
+
+ControlCage cage(const std::string& name) { return read_obj(test::cage_file(name)); }
+
+/// n rays from around `center` to points near it; some miss.
+template <class T>
+Rays<T> random_rays(std::size_t n, const Vec3d& center = {}, double radius = 1.5) {
+  test::Generator g{77};
+  Rays<T> rays;
+  for (std::size_t i = 0; i < n; ++i) {
+    const Vec3d to = center + radius * test::uniform(g, 0, 1) * test::random_direction(g);
+    rays.aim(center + 5 * radius * test::random_direction(g), to);
+  }
+  return rays;
+}
+
+template <class T>
+class SceneTest : public testing::Test {};
+using Types = testing::Types<float, double>;
+TYPED_TEST_SUITE(SceneTest, Types);
+
+TYPED_TEST(SceneTest, SameBitsForAnyNumberOfThreadsAndOrder) {
+  using T = TypeParam;
+  const Rays<T> rays = random_rays<T>(5000);
+  Rays<T> reversed;
+  for (std::size_t i = rays.size(); i-- > 0;) reversed.add(rays.org(i), rays.dir(i));
+  Scene one(1);
+  one.add_mesh(cage("cube_seams"));
+  const Hits<T> expected = cast(one, rays);
+  for (const int threads : {1, 2, 3}) {
+    Scene scene(threads);
+    scene.add_mesh(cage("cube_seams"));
+    EXPECT_TRUE(cast(scene, rays) == expected) << threads << " threads";
+    const Hits<T> back = cast(scene, reversed);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      const std::size_t k = rays.size() - 1 - i;
+      ASSERT_EQ(back.t[k], expected.t[i]);
+      ASSERT_EQ(back.patch_id[k], expected.patch_id[i]);
+      ASSERT_EQ(back.uv[2 * k], expected.uv[2 * i]);
+    }
+  }
+}
+
+TYPED_TEST(SceneTest, NearIsExclusiveAndFarInclusive) {
+  using T = TypeParam;
+  Scene scene(1);
+  scene.add_mesh(cage("cube"));
+  test::Generator g{5};
+  Rays<T> rays;
+  for (int i = 0; i < 500; ++i)
+    rays.aim(std::pow(10.0, test::uniform(g, 0.5, 3)) * test::random_direction(g),
+             0.3 * test::random_direction(g));
+  const Hits<T> first = cast(scene, rays);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Rays<T> one;
+    one.add(rays.org(i), rays.dir(i));
+    const T t = first.t[i], inf = std::numeric_limits<T>::infinity();
+    EXPECT_EQ(cast<T>(scene, one, 0, t).t[0], t) << "tfar is inclusive";
+    EXPECT_FALSE(cast<T>(scene, one, 0, std::nextafter(t, T(0))).t[0] < inf);
+    const T second = cast<T>(scene, one, t, inf).t[0];
+    EXPECT_GT(second, t) << "tnear is exclusive";
+    EXPECT_LT(second, inf) << "the far side is there";
+    EXPECT_FALSE(cast<T>(scene, one, t, t).t[0] < inf) << "an empty interval";
+  }
+}
+
+TYPED_TEST(SceneTest, RaysThatAreNoneMiss) {
+  using T = TypeParam;
+  Scene scene(1);
+  scene.add_mesh(cage("cube"));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double inf = std::numeric_limits<double>::infinity();
+  Rays<T> rays;
+  rays.add({0, 0, -3}, {0, 0, 0});
+  for (const double bad : {nan, inf, -inf})
+    for (int i = 0; i < 3; ++i) {
+      Vec3d org{0, 0, -3}, dir{0, 0, 1};
+      org[i] = bad;
+      rays.add(org, {0, 0, 1});
+      dir[i] = bad;
+      rays.add({0, 0, -3}, dir);
+    }
+  rays.add({nan, nan, nan}, {nan, nan, nan});
+  const Hits<T> hits = cast(scene, rays);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    EXPECT_EQ(hits.t[i], std::numeric_limits<T>::infinity()) << i;
+    EXPECT_EQ(hits.t_error[i], 0);
+    EXPECT_EQ(hits.geometry_id[i], invalid_id);
+    EXPECT_EQ(hits.primitive_id[i], invalid_id);
+    EXPECT_EQ(hits.patch_id[i], invalid_id);
+    EXPECT_EQ(hits.uv[2 * i], 0);
+    EXPECT_EQ(hits.normal[3 * i + 2], 0);
+  }
+}
+
+TYPED_TEST(SceneTest, ShortLongAndFarRaysHitTheSamePoint) {
+  using T = TypeParam;
+  Scene scene(1);
+  scene.add_mesh(cage("cube"));
+  Rays<T> unit;
+  unit.add({0.25, 0.125, -4}, {0, 0, 1});
+  const double z = -4 + double(cast(scene, unit).t[0]);
+  for (const double length : {1e-30, 1e-3, 1e3, 1e30})
+    for (const double distance : {4.0, 4096.0}) {
+      Rays<T> ray;
+      ray.add({0.25, 0.125, -distance}, {0, 0, length});
+      const Hits<T> h = cast(scene, ray);
+      ASSERT_TRUE(h.hit(0)) << length << " " << distance;
+      EXPECT_NEAR(double(h.point[2]), z, 1e-5) << "the point is exact however far the ray began";
+      EXPECT_NEAR(double(h.t[0]) * length / (distance + z), 1, 1e-6);
+    }
+}
+
+TYPED_TEST(SceneTest, EmptyScenesAndBatches) {
+  using T = TypeParam;
+  Scene scene(1);
+  const Rays<T> one = random_rays<T>(1), none;
+  EXPECT_FALSE(cast(scene, one).hit(0)) << "no mesh";
+  scene.add_mesh(ControlCage{});
+  EXPECT_FALSE(cast(scene, one).hit(0)) << "a mesh without faces";
+  scene.add_mesh(cage("cube"));
+  EXPECT_TRUE(cast(scene, none).t.empty()) << "no rays";
+  Rays<T> to_cube;
+  to_cube.add({0, 0, -3}, {0, 0, 1});
+  EXPECT_EQ(cast(scene, to_cube).geometry_id[0], 1u);
+}
+
+TYPED_TEST(SceneTest, OcclusionAgreesWithTheClosestHit) {
+  using T = TypeParam;
+  Scene scene(2);
+  scene.add_mesh(cage("torus_creases"));
+  const Rays<T> rays = random_rays<T>(20000);
+  const Hits<T> hits = cast(scene, rays);
+  std::vector<std::uint8_t> occluded(rays.size());
+  const T tnear = 0, tfar = std::numeric_limits<T>::infinity();
+  scene.test_occlusions<T>({rays.values, {&tnear, 1}, {&tfar, 1}}, occluded.data());
+  for (std::size_t i = 0; i < rays.size(); ++i) EXPECT_EQ(occluded[i] != 0, hits.hit(i)) << i;
+}
+
+TYPED_TEST(SceneTest, InstancesAreThePlacedMesh) {
+  using T = TypeParam;
+  // Turned, scaled and mirrored: the determinant is negative.
+  Affine place;
+  place.linear = {Vec3d{0, -1.5, 0}, Vec3d{-1.5, 0, 0}, Vec3d{0, 0, 1.5}};
+  place.linear[0] = {0, 1.5, 0}, place.linear[1] = {1.5, 0, 0};
+  place.offset = {0.5, -2, 1};
+  ControlCage moved = cage("star_prism");
+  for (Vec3d& p : moved.points) p = place.point(p);
+
+  Scene instanced(1), direct(1);
+  instanced.add_mesh(cage("cube"), {4, Affine{}});
+  const std::uint32_t star = instanced.add_mesh(cage("star_prism"), {4, place});
+  direct.add_mesh(moved);
+  const Rays<T> rays = random_rays<T>(3000, place.offset, 1.0);
+  const Hits<T> a = cast(instanced, rays), b = cast(direct, rays);
+  int compared = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (!b.hit(i) || !a.hit(i) || a.geometry_id[i] != star) continue;
+    ++compared;
+    ASSERT_NEAR(a.t[i], b.t[i], 4 * (a.t_error[i] + b.t_error[i]) + 1e-12);
+    EXPECT_EQ(a.primitive_id[i], b.primitive_id[i]);
+    // The mirrored winding faces the other way: normals go with the placed faces.
+    const Vec3d na{double(a.normal[3 * i]), double(a.normal[3 * i + 1]),
+                   double(a.normal[3 * i + 2])};
+    const Vec3d nb{double(b.normal[3 * i]), double(b.normal[3 * i + 1]),
+                   double(b.normal[3 * i + 2])};
+    EXPECT_NEAR(std::abs(dot(na, nb)), 1, 1e-3);
+    EXPECT_NEAR(double(a.dp_du[3 * i]), double(b.dp_du[3 * i]), 1e-2);
+  }
+  EXPECT_GT(compared, 500);
+}
+
+TYPED_TEST(SceneTest, MovedPointsEqualAFreshScene) {
+  using T = TypeParam;
+  ControlCage bent = cage("pole_8");
+  for (Vec3d& p : bent.points) p.x += 0.3 * p.y * p.y, p.z *= 1.4;
+  Scene moved(1), fresh(1);
+  moved.add_mesh(cage("pole_8"));
+  const Rays<T> rays = random_rays<T>(3000);
+  cast(moved, rays);  // makes the double path's patches, too
+  moved.update_points(0, bent.points);
+  fresh.add_mesh(bent);
+  const Hits<T> a = cast(moved, rays), b = cast(fresh, rays);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    // The tree is another one, so that equal hits of neighbours may come in another order.
+    ASSERT_EQ(a.hit(i), b.hit(i)) << i;
+    if (a.hit(i)) {
+      ASSERT_NEAR(a.t[i], b.t[i], a.t_error[i] + b.t_error[i]);
+    }
+  }
+}
+
+/// `points` scaled, then moved.
+ControlCage placed(ControlCage c, double size, double offset) {
+  for (Vec3d& p : c.points) p = size * p + Vec3d{offset, -offset, offset};
+  return c;
+}
+
+TEST(ScenePlaceTest, HitsScaleAndMoveWithTheMesh) {
+  test::Generator g{3};
+  Scene reference(1);
+  reference.add_mesh(cage("dart_semi"));
+  for (const double size : {1.0 / 8192, 8192.0})
+    for (const double offset : {0.0, 16384.0}) {
+      Scene scene(1);
+      scene.add_mesh(placed(cage("dart_semi"), size, offset));
+      const Vec3d o{offset, -offset, offset};
+      int hits = 0;
+      for (int i = 0; i < 2000; ++i) {
+        const Vec3d org = 4.0 * test::random_direction(g);
+        const Vec3d dir = 0.5 * test::random_direction(g) - org;
+        Rays<double> at_home, away;
+        at_home.add(org, dir), away.add(o + size * org, size * dir);
+        const auto a = cast(reference, at_home), b = cast(scene, away);
+        // Adding the offset moves the ray by its rounding.
+        const double slack = 1e-9 + 1e-14 * offset / size;
+        if (!a.hit(0) || !b.hit(0)) continue;
+        ++hits;
+        EXPECT_NEAR(a.t[0], b.t[0], 1e3 * slack);
+      }
+      EXPECT_GT(hits, 500);
+    }
+}
+
+TEST(SceneErrorsTest, WrongArgumentsAreNamed) {
+  Scene scene(1);
+  const std::vector<float> five(5), six(6), two(2);
+  HitArrays<float> hits;
+  EXPECT_THROW(scene.cast_rays<float>({five, six, six}, hits), std::invalid_argument);
+  EXPECT_THROW(scene.cast_rays<float>({six, two, {six.data(), 1}}, hits), std::invalid_argument);
+  EXPECT_THROW(scene.add_instance(0, Affine{}), std::invalid_argument);
+  scene.add_mesh(cage("cube"));
+  EXPECT_THROW(scene.update_points(0, {}), std::invalid_argument);
+  Affine flat;
+  flat.linear[2] = {0, 0, 0};
+  EXPECT_THROW(scene.add_instance(0, flat), std::invalid_argument);
+  EXPECT_THROW(Scene(-1), std::invalid_argument);
+}
+
+TEST(SceneProgressTest, CancelledCallsThrowAndTheSceneWorksAfterwards) {
+  Scene scene(1);
+  scene.add_mesh(cage("cube"));
+  const Rays<float> rays = random_rays<float>(1000);
+  std::vector<float> t(rays.size());
+  HitArrays<float> out;
+  out.t = t.data();
+  const float tnear = 0, tfar = std::numeric_limits<float>::infinity();
+  Progress progress;
+  progress.cancel = true;
+  EXPECT_THROW(scene.cast_rays<float>({rays.values, {&tnear, 1}, {&tfar, 1}}, out, &progress),
+               Cancelled);
+  progress.cancel = false;
+  scene.cast_rays<float>({rays.values, {&tnear, 1}, {&tfar, 1}}, out, &progress);
+  EXPECT_EQ(progress.done, rays.size());
+}
+
+}  // namespace
+}  // namespace limitray
