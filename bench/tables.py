@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs limitray_bench over models and writes the tables of docs/performance.md.
 
-    bench/tables.py --program build/release/bench/limitray_bench [--models FOLDER] [--rays 2e5]
+    bench/tables.py --program build/release/bench/limitray_bench [--models FOLDER] [--rays 1e6]
                     [--rounds 5] [--parts speed,threads,isa,growth] [--results build/tables]
                     [--reuse] [--write docs/performance.md]
 
@@ -22,9 +22,9 @@ from large_cages import write_large_cage
 REPOSITORY = Path(__file__).parents[1]
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PEERS = [f"embree-subdivision-{n}" for n in (4, 8, 16, 32)]
-PEERS += [f"embree-triangles-{n}" for n in (4, 8, 16, 32, 64)]
+PEERS += [*(f"embree-triangles-{n}" for n in (4, 8, 16, 32, 64)), "embree-geometry"]
 FEWER_PEERS = ["embree-subdivision-8", "embree-subdivision-16", "embree-triangles-4"]
-FEWER_PEERS += ["embree-triangles-8"]  # of the large cage: the others don't fit
+FEWER_PEERS += ["embree-triangles-8", "embree-geometry"]  # of the large cage: the others don't fit
 MODELS = {
     "spot": "crane/spot_control_mesh.obj",
     "catmark_car": "opensubdiv/catmark_car.obj",
@@ -301,7 +301,7 @@ def main():
     parser.add_argument("--program", type=Path, required=True)
     default = Path(os.environ.get("LIMITRAY_MODELS", REPOSITORY.parent / "shared/models"))
     parser.add_argument("--models", type=Path, default=default)
-    parser.add_argument("--rays", default="2e5")
+    parser.add_argument("--rays", default="1e6")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--parts", default=",".join(PARTS))
     parser.add_argument("--results", type=Path, default=REPOSITORY / "build/tables")

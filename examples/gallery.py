@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from models import gear, octopus, rounded_cube
+from models import gear, rounded_cube
 from numpy.typing import NDArray
+from octopus import octopus
 
 import limitray as lr
 

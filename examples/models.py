@@ -1,88 +1,18 @@
-"""Builds the cages of the gallery: shapes made by extruding faces, with creases.
+"""Cages of the gallery and of the figure: machined and folded shapes, with creases.
 
-Comes in: nothing. Goes out: `gear()`, `octopus()` and `rounded_cube()` as `limitray.Mesh`.
+Comes in: nothing. Goes out: `rounded_cube()`, `gear()`, `sponge()`, `knot()` as `limitray.Mesh`;
+`octopus.py` has the one that is grown.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from builder import Builder
 
 import limitray as lr
-
-INFINITE = 10.0
-Vector = NDArray[np.float64]
-
-
-class Builder:
-    """A polygon mesh under construction: points, faces, and the sharpness of edges."""
-
-    def __init__(self) -> None:
-        self.points: list[Vector] = []
-        self.faces: list[list[int]] = []
-        self.sharpness: dict[tuple[int, int], float] = {}
-
-    def point(self, x: float, y: float, z: float) -> int:
-        """Adds a point; returns its index."""
-        self.points.append(np.array([x, y, z], float))
-        return len(self.points) - 1
-
-    def crease(self, sharpness: float, *chain: int) -> None:
-        """Creases the edges along a chain of points."""
-        for a, b in pairwise(chain):
-            self.sharpness[min(a, b), max(a, b)] = sharpness
-
-    def border(self, faces: list[int]) -> list[tuple[int, int]]:
-        """Directed edges around a region of faces."""
-        edges = [
-            (a, b)
-            for f in faces
-            for a, b in zip(self.faces[f], self.faces[f][1:] + self.faces[f][:1], strict=True)
-        ]
-        count = Counter((min(e), max(e)) for e in edges)
-        return [(a, b) for a, b in edges if count[min(a, b), max(a, b)] == 1]
-
-    def extrude(self, faces: list[int], linear: Vector, offset: Vector) -> None:
-        """Moves a region out of the surface, walls following.
-
-        Each point p of the region becomes centre + linear (p - centre) + offset.
-        """
-        border = self.border(faces)
-        old = sorted({v for f in faces for v in self.faces[f]})
-        centre = np.mean([self.points[v] for v in old], axis=0)
-        moved = {
-            v: self.point(*(centre + linear @ (self.points[v] - centre) + offset)) for v in old
-        }
-        for f in faces:
-            self.faces[f] = [moved[v] for v in self.faces[f]]
-        for a, b in border:
-            self.faces.append([a, b, moved[b], moved[a]])
-
-    def mesh(self) -> lr.Mesh:
-        """The finished cage; points that no face uses are left out."""
-        used = sorted({v for face in self.faces for v in face})
-        index = {v: i for i, v in enumerate(used)}
-        creases = {e: s for e, s in self.sharpness.items() if e[0] in index and e[1] in index}
-        return lr.Mesh(
-            [self.points[v] for v in used],
-            [len(face) for face in self.faces],
-            [index[v] for face in self.faces for v in face],
-            crease_indices=[index[v] for edge in creases for v in edge],
-            crease_lengths=[2] * len(creases),
-            crease_sharpnesses=list(creases.values()),
-        )
-
-
-def rotation(axis: Vector, angle: float) -> Vector:
-    """The matrix (3, 3) of a rotation by `angle` (radians) around a unit axis."""
-    x, y, z = axis
-    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + math.sin(angle) * skew + (1 - math.cos(angle)) * skew @ skew
 
 
 def rounded_cube(sharpness: float) -> lr.Mesh:
@@ -170,60 +100,80 @@ def _line_opening(
         b.crease(3.0, *below)
 
 
-def octopus() -> lr.Mesh:
-    """An octopus with eight curling arms and two eye sockets. Axis y; it looks along z."""
-    segments = 16
-    profile = [
-        (0.30, 2.02), (0.66, 1.90), (0.92, 1.60), (1.00, 1.22), (0.90, 0.84),
-        (0.70, 0.54), (0.66, 0.34), (0.80, 0.18), (0.80, -0.12), (0.50, -0.20), (0.22, -0.14),
-    ]  # fmt: skip
-    b = Builder()
-    for radius, height in profile:
-        for k in range(segments):
-            angle = 2 * math.pi * (k + 0.5) / segments
-            lean = -0.28 * max(0.0, height - 0.5)  # the head hangs back a little
-            b.point(radius * math.cos(angle), height, radius * math.sin(angle) + lean)
-    ring = [list(range(i * segments, (i + 1) * segments)) for i in range(len(profile))]
-    for upper, lower in pairwise(ring):
-        for k in range(segments):
-            m = (k + 1) % segments
-            b.faces.append([upper[k], upper[m], lower[m], lower[k]])
-    b.faces += [ring[0][::-1], ring[-1]]
+def sponge(level: int = 2, sharpness: float = 1.5) -> lr.Mesh:
+    """A Menger sponge of side 2, all its ridges and grooves semi-sharp creases.
 
-    for k in (1, 5):
-        _socket(b, 3 * segments + k)
-    for k in range(0, segments, 2):
-        _arm(b, 7 * segments + k, k // 2)
+    `level` 1 has 72 faces, 2 has 1,056; the sharpness may be any above 0.
+    """
+    size = 3**level
+    cells = np.ones((1, 1, 1), bool)
+    cross = np.ones((3, 3, 3), bool)
+    cross[1, 1, :] = cross[1, :, 1] = cross[:, 1, 1] = False
+    for _ in range(level):
+        cells = np.kron(cells, cross)
+    solid = np.pad(cells, 1)
+    b = Builder()
+    index: dict[tuple[int, ...], int] = {}
+    normals: dict[tuple[int, int], list[tuple[int, int]]] = {}
+
+    def vertex(*place: int) -> int:
+        if place not in index:
+            index[place] = b.point(*(2 * np.array(place) / size - 1))
+        return index[place]
+
+    for cell in np.argwhere(solid):
+        for axis in range(3):
+            for side in (-1, 1):
+                beside = cell.copy()
+                beside[axis] += side
+                if solid[tuple(beside)]:
+                    continue
+                corner = cell - 1
+                corner[axis] += side > 0
+                u, v = np.eye(3, dtype=int)[[(axis + 1) % 3, (axis + 2) % 3]]
+                places = [corner, corner + u, corner + u + v, corner + v]
+                face = [vertex(*place.tolist()) for place in places[::side]]
+                b.faces.append(face)
+                for a, c in zip(face, face[1:] + face[:1], strict=True):
+                    normals.setdefault((min(a, c), max(a, c)), []).append((axis, side))
+    for (a, c), both in normals.items():
+        if both[0] != both[1]:
+            b.crease(sharpness, a, c)
     return b.mesh()
 
 
-def _socket(b: Builder, face: int) -> None:
-    """A rimmed hollow in one face of the head."""
-    corners = [b.points[v] for v in b.faces[face]]
-    normal = np.cross(corners[2] - corners[0], corners[3] - corners[1])
-    normal /= np.linalg.norm(normal)
-    b.extrude([face], 0.92 * np.eye(3), 0.09 * normal)
-    b.extrude([face], 0.72 * np.eye(3), 0.02 * normal)
-    rim = b.faces[face]
-    b.crease(1.5, *rim, rim[0])
-    b.extrude([face], 0.80 * np.eye(3), -0.14 * normal)
-    b.extrude([face], 0.80 * np.eye(3), 0.02 * normal)
-    b.extrude([face], 1.10 * np.eye(3), 0.15 * normal)
+def knot(turns: int = 3, loops: int = 2, segments: int = 300, sharpness: float = 2.2) -> lr.Mesh:
+    """A torus knot with a fluted, twisted cross-section; its ridges are semi-sharp creases.
 
+    It winds `turns` times through the hole while it goes `loops` times around. Axis y.
+    """
+    flutes, twist = 8, 5
+    corners = 2 * flutes
+    way = 2 * math.pi * np.arange(segments) / segments
+    ring = 1.0 + 0.42 * np.cos(turns * way)
+    centre = np.stack(
+        [ring * np.cos(loops * way), 0.42 * np.sin(turns * way), ring * np.sin(loops * way)], axis=1
+    )
+    tangent = np.roll(centre, -1, axis=0) - np.roll(centre, 1, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    axis = np.stack([np.cos(loops * way), 0 * way, np.sin(loops * way)], axis=1)
+    side = axis - (axis * tangent).sum(axis=1, keepdims=True) * tangent
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    up = np.cross(tangent, side)
+    b = Builder()
+    for i in range(segments):
+        for k in range(corners):
+            angle = 2 * math.pi * (k / corners + twist * i / segments)
+            radius = 0.235 if k % 2 == 0 else 0.165
+            b.point(*(centre[i] + radius * (math.cos(angle) * side[i] + math.sin(angle) * up[i])))
 
-def _arm(b: Builder, face: int, number: int) -> None:
-    """An arm from one face: it falls to the ground, winds along it and curls up at its end."""
-    centre = np.mean([b.points[v] for v in b.faces[face]], axis=0)
-    heading = np.array([centre[0], 0.0, centre[2]]) / math.hypot(centre[0], centre[2])
-    upward = np.array([0.0, 1.0, 0.0])
-    steps = 15
-    for i in range(steps):
-        way = i / (steps - 1)
-        pitch = -0.55 if i == 0 else 0.22 if 2 <= i <= 4 else 0.0
-        pitch += 0.42 * max(0.0, way - 0.45) / 0.55
-        yaw = 0.33 * math.sin(2.6 * math.pi * way + 2.1 * number)
-        side = np.cross(heading, upward)
-        side /= np.linalg.norm(side)
-        turn = rotation(side, pitch) @ rotation(upward, yaw)
-        heading = turn @ heading
-        b.extrude([face], (0.90 if i else 1.1) * turn, 0.31 * 0.965**i * heading)
+    def vertex(i: int, k: int) -> int:
+        return i % segments * corners + k % corners
+
+    for i in range(segments):
+        for k in range(corners):
+            face = [vertex(i, k), vertex(i, k + 1), vertex(i + 1, k + 1), vertex(i + 1, k)]
+            b.faces.append(face[::-1])
+    for k in range(0, corners, 2):
+        b.crease(sharpness, *[vertex(i, k) for i in range(segments + 1)])
+    return b.mesh()

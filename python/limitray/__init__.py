@@ -13,9 +13,9 @@ exact hits, or a picture is made by `render`::
 from limitray.camera import Camera, create_rays_pinhole
 from limitray.image import Image
 from limitray.info import mesh_info
+from limitray.light import RectangleLight, Sun
 from limitray.material import Material
 from limitray.mesh import FaceVarying, Mesh, Primvar
-from limitray.light import RectangleLight, Sun
 from limitray.render import RenderInterrupted, render
 from limitray.scene import INVALID_ID, Scene
 from limitray.sky import ConstantSky, GradientSky, ImageSky

@@ -89,6 +89,14 @@ def positive_int(name: str, value: int, minimum: int = 1) -> int:
     return int(value)
 
 
+def positive_number(name: str, value: float) -> float:
+    """`value` if it is a finite real number above 0; raises ValueError otherwise."""
+    kinds = (int, float, np.integer, np.floating)
+    if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
+        raise ValueError(f"{name} must be a number above 0, not {value!r}")
+    return float(value)
+
+
 def one_of(name: str, value: str, choices: tuple[str, ...]) -> str:
     """`value` if it is among `choices`; raises ValueError that lists them otherwise."""
     if value not in choices:

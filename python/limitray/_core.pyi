@@ -202,13 +202,28 @@ class Scene:
 
     def mesh_count(self) -> int: ...
 
-    def mesh_data(self, mesh: int) -> dict:
+    def mesh_data(self, mesh: int) -> dict[str, Any]:
         """Patches and tree of a mesh, as 32-bit words of the C++ records."""
 
-    def instance_data(self, geometry_id: int) -> dict: ...
+    def instance_data(self, geometry_id: int) -> dict[str, Any]: ...
 
-    def top_data(self) -> dict:
+    def top_data(self) -> dict[str, Any]:
         """The tree over the instances."""
 
 def isa() -> str:
     """Instruction set in use."""
+
+class MipMap:
+    """An image and its smaller levels."""
+
+    def __init__(self, texels: Annotated[NDArray[numpy.float32], dict(shape=(None, None, 3), order='C', device='cpu', writable=False)]) -> None:
+        """Linear colours (h, w, 3); row 0 is the bottom."""
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+    def sample(self, st: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], d_dx: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], d_dy: Annotated[NDArray[numpy.float64], dict(shape=(None, 2), order='C', device='cpu', writable=False)], wrap_s: str, wrap_t: str) -> NDArray[numpy.float64]:
+        """Colours (n, 3) at st (n, 2); d_dx and d_dy are (n, 2) or (1, 2)."""

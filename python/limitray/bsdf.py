@@ -22,7 +22,7 @@ from limitray.sampling import cosine_hemisphere
 from limitray.vectors import Array, Frames, Rows, dot, normalized, pick
 
 TABLE_SIZE = 32
-_TABLE_SAMPLES = 16
+_TABLE_SAMPLES = (8, 128)
 _INVERSE_PI = np.float32(1 / np.pi)
 
 
@@ -77,15 +77,18 @@ class _Layer:
         self._alpha = roughness * roughness
         self._viewer = viewer
         self._viewer[2] = np.maximum(self._viewer[2], np.float32(1e-4))
-        at_normal = surface.reflectance[rows]
-        self._f0 = at_normal + metallic * (colors - at_normal)
+        self._coat = surface.reflectance[rows]
+        self._metal = colors
         scale, offset = _albedo_parts(self._viewer[2], roughness)
-        white = scale + offset
-        self._gain = 1 + self._f0 * ((1 - white) / white)
-        albedo = self._gain * (self._f0 * scale + offset)
-        self._base = (1 - metallic) * colors * (1 - albedo)
-        layer, base = albedo.mean(axis=0), self._base.mean(axis=0)
-        self._layer_share = np.clip(layer / (layer + base), 0.1, 1).astype(np.float32)
+        lost = 1 / (scale + offset) - 1
+        self._coat_share = (1 - metallic) * (1 + self._coat * lost)
+        self._metal_share = metallic * (1 + self._metal * lost)
+        coat = self._coat_share * (self._coat * scale + offset)
+        metal = self._metal_share * (self._metal * scale + offset)
+        self._base = colors * (1 - metallic - coat)
+        layer = coat + metal.mean(axis=0)
+        share = layer / (layer + self._base.mean(axis=0))
+        self._layer_share = np.clip(share, 0.1, 1).astype(np.float32)
 
     def evaluate(self, local: Array) -> tuple[Array, Array]:
         """See `Bsdf.evaluate`."""
@@ -94,8 +97,10 @@ class _Layer:
         distribution = _ggx(half, self._alpha)
         seen, lit = self._masked(self._viewer[2]), self._masked(cosine)
         masking = 0.5 / (cosine * seen + self._viewer[2] * lit)
-        fresnel = self._f0 + (1 - self._f0) * _fifth(1 - dot(half, local))
-        mirrored = self._gain * fresnel * (distribution * masking)
+        rise = _fifth(1 - dot(half, local))
+        fresnel = self._metal_share * (self._metal + (1 - self._metal) * rise)
+        fresnel += self._coat_share * (self._coat + (1 - self._coat) * rise)
+        mirrored = fresnel * (distribution * masking)
         density = self._layer_share * distribution / (2 * (self._viewer[2] + seen))
         density += (1 - self._layer_share) * cosine * _INVERSE_PI
         reflected = (mirrored + self._base * _INVERSE_PI) * cosine
@@ -155,22 +160,27 @@ def _albedo_parts(cosine: Array, roughness: Array) -> tuple[Array, Array]:
 
 @cache
 def _albedo_table() -> NDArray[np.float32]:
-    """Scale and offset (2, k, k) by the root of the cosine of the viewer, and by roughness.
-
-    The mean over visible facets of masking times Fresnel, by a regular grid of points.
-    """
+    """Scale and offset (2, k, k) by the root of the cosine of the viewer, and by roughness."""
     steps = np.linspace(0, 1, TABLE_SIZE, dtype=np.float32)
-    grid = (np.arange(_TABLE_SAMPLES, dtype=np.float32) + 0.5) / _TABLE_SAMPLES
-    root, roughness, u, v = (
-        a.ravel() for a in np.meshgrid(np.maximum(steps, 0.02), steps, grid, grid, indexing="ij")
-    )
-    cosine, alpha = root * root, np.maximum(roughness, 0.01) ** 2
+    columns = [_albedo_column(np.maximum(steps, 0.02), max(r, 0.01) ** 2) for r in steps.tolist()]
+    return np.stack(columns, axis=2)
+
+
+def _albedo_column(roots: Array, alpha: float) -> Array:
+    """Scale and offset (2, k) for one alpha, by the roots (k,) of the viewer's cosine.
+
+    The mean over visible facets of masking times Fresnel, by a regular grid of points; half a turn
+    is enough, and the rare steep facets want the finer steps.
+    """
+    turns, heights = ((np.arange(n, dtype=np.float32) + 0.5) / n for n in _TABLE_SAMPLES)
+    root, u, v = (a.ravel() for a in np.meshgrid(roots, turns / 2, heights, indexing="ij"))
+    cosine = root * root
     viewer = np.stack([np.sqrt(1 - cosine * cosine), np.zeros_like(cosine), cosine])
-    half = _visible_facets(np.stack([u, v]), viewer, alpha)
+    half = _visible_facets(np.stack([u, v]), viewer, np.full_like(cosine, alpha))
     light = np.maximum(_mirrored(viewer, half)[2], 0)
-    square = alpha * alpha
+    square = np.float32(alpha * alpha)
     seen, lit = (np.sqrt(square + (1 - square) * c * c) for c in (cosine, light))
     masking = light * (cosine + seen) / np.maximum(light * seen + cosine * lit, 1e-20)
     fifth = _fifth(1 - dot(half, viewer))
     parts = np.stack([masking * (1 - fifth), masking * fifth])
-    return np.asarray(parts.reshape(2, TABLE_SIZE, TABLE_SIZE, -1).mean(axis=3))
+    return np.asarray(parts.reshape(2, len(roots), -1).mean(axis=2))

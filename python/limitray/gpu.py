@@ -58,7 +58,7 @@ Progress = Callable[[int], None]
 
 
 def slang_folder() -> Path:
-    """Folder of the Slang modules, for the search path of a renderer that says `import limitray;`."""
+    """Folder of the Slang modules: the search path of a renderer that says `import limitray;`."""
     return Path(_core.__file__).parent / "slang"
 
 
@@ -75,8 +75,9 @@ def _import_slangpy() -> Any:
 class Tracer:
     """A device and its kernels, shared by all scenes on it.
 
-    `name` is "gpu", "vulkan", "cuda" or "metal"; `folder` holds the Slang modules. Raises ImportError
-    without slangpy, and RuntimeError that lists what was found if no device can be used.
+    `name` is "gpu", "vulkan", "cuda" or "metal"; `folder` holds the Slang modules. Raises
+    ImportError without slangpy, and RuntimeError that lists what was found if no device can be
+    used.
     """
 
     def __init__(self, name: str, folder: Path) -> None:
@@ -183,10 +184,10 @@ class GpuScene:
         """Name of the GPU."""
         return str(self._tracer.device.info.adapter_name)
 
-    def add_mesh(self, cage: Any, isolation_level: int, transform: NDArray[np.float64]) -> int:
+    def add_mesh(self, *arguments: Any) -> int:
         """As `_core.Scene.add_mesh`."""
         self._changed = None
-        return self._core.add_mesh(cage, isolation_level, transform)
+        return self._core.add_mesh(*arguments)
 
     def add_instance(self, geometry_id: int, transform: NDArray[np.float64]) -> int:
         """As `_core.Scene.add_instance`."""
@@ -303,7 +304,7 @@ class GpuScene:
             "attributes", "attributes", count, {"rays": batch, "at": places, "answers": answers}
         )
         words = _words(answers)
-        found = {}
+        found: dict[str, NDArray[Any]] = {}
         for name in names:
             array = words[places[name] : places[name] + count * WIDTHS.get(name, 1)]
             found[name] = array.view(_dtype(name)).reshape(_shape(name, count))

@@ -1,4 +1,4 @@
-"""How a scene lies in GPU memory: numpy records as src/limitray/patches/patch_buffer.slang has them.
+"""How a scene lies in GPU memory: numpy records as patches/patch_buffer.slang has them.
 
 Comes in: what the C++ scene exports (`mesh_data`, `instance_data`, `top_data`). Goes out: arrays of
 32-bit words, one for each buffer of the Slang struct SceneView.
@@ -45,7 +45,6 @@ HIT = np.dtype(
         ("leaf", "u4"),
         ("s", "f4"),
         ("t_patch", "f4"),
-        ("radius", "f4"),
         ("spread", "f4"),
     ]
 )

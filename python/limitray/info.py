@@ -35,14 +35,16 @@ class _Edges:
         return cls(vertices.reshape(-1, 2), faces)
 
 
-def mesh_info(mesh: Mesh, isolation_level: int | None = None) -> dict[str, Any]:
+def mesh_info(
+    mesh: Mesh, isolation_level: int | None = None, tolerance: float | None = None
+) -> dict[str, Any]:
     """Facts about a cage and its patches, as `limitray info --json` prints them.
 
     Parameters
     ----------
     mesh : Mesh
         The cage.
-    isolation_level : int, optional
+    isolation_level, tolerance : int, float, optional
         How deep irregular features are isolated; see `Scene.add_mesh`.
 
     Returns
@@ -50,7 +52,9 @@ def mesh_info(mesh: Mesh, isolation_level: int | None = None) -> dict[str, Any]:
     dict
         Numbers, strings, lists and dicts only. Vertices are counted where a face uses them.
         "extraordinary" counts vertices whose valence is not regular: 4 edges inside, 3 on a
-        boundary. "extent" is the lower and upper corner of the surface, None if it is empty.
+        boundary. "limit_error" is the estimated bound on the distance from the true limit at
+        "isolation_level", in units of the longest side of the box around the cage. "extent" is the
+        lower and upper corner of the surface, None if it is empty.
     """
     edges = _Edges.of(mesh)
     valence = np.bincount(edges.vertices.ravel(), minlength=len(mesh.points))
@@ -77,16 +81,20 @@ def mesh_info(mesh: Mesh, isolation_level: int | None = None) -> dict[str, Any]:
         "creasing_method": mesh.creasing_method,
         "triangle_subdivision_rule": mesh.triangle_subdivision_rule,
         "primvars": sorted(mesh.primvars),
-        **_patch_info(mesh, isolation_level),
+        **_patch_info(mesh, isolation_level, tolerance),
         "warnings": list(mesh.warnings),
     }
 
 
-def _patch_info(mesh: Mesh, isolation_level: int | None) -> dict[str, Any]:
+def _patch_info(
+    mesh: Mesh, isolation_level: int | None, tolerance: float | None
+) -> dict[str, Any]:
     scene = Scene()
-    counted = scene.mesh_statistics(scene.add_mesh(mesh, isolation_level))
+    counted = scene.mesh_statistics(scene.add_mesh(mesh, isolation_level, tolerance=tolerance))
     by_level = {str(level): n for level, n in enumerate(counted["patches_by_level"]) if n}
     return {
+        "isolation_level": counted["isolation_level"],
+        "limit_error": counted["limit_error"],
         "patches": counted["patches"],
         "patches_by_type": {
             "bezier": counted["patches"] - counted["gregory_patches"],

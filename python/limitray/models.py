@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from limitray.camera import Camera
@@ -50,6 +51,16 @@ def set_texture(scene: Scene, texture: Texture) -> None:
     name = "st" if "st" in pairs else pairs[0]
     for geometry_id in range(scene.geometry_count()):
         scene.set_material(geometry_id, Material(texture=texture, texture_primvar=name))
+
+
+def set_finish(scene: Scene, roughness: float | None, metallic: float) -> None:
+    """Gives all materials a roughness; raises ValueError if a number is out of its range."""
+    if roughness is None:
+        raise ValueError("--metallic needs --roughness")
+    for geometry_id in range(scene.geometry_count()):
+        ((group, _),) = scene.material_sets([geometry_id])
+        materials = [replace(m, roughness=roughness, metallic=metallic) for m in group.materials]
+        scene.set_material(geometry_id, materials, group.faces)
 
 
 def stage_camera(scene: Scene, path: str | None) -> Camera | None:

@@ -206,7 +206,10 @@ def _image(
     denoise: bool,
 ) -> Image:
     planes = means.reshape(frame.height, frame.width, 10).astype(np.float32)
-    rgba = np.ascontiguousarray(planes[..., :4])
+    image = Image(np.ascontiguousarray(planes[..., :4]), background, layers)
     if denoise:
-        rgba[..., :3] = denoised(*(np.ascontiguousarray(planes[..., k : k + 3]) for k in (0, 4, 7)))
-    return Image(rgba, background, layers)
+        albedo, normals = (np.ascontiguousarray(planes[..., k : k + 3]) for k in (4, 7))
+        behind = (1 - image.rgba[..., 3:]) * background
+        clean = denoised(image.linear(), albedo + np.minimum(behind, 1), normals)
+        image.rgba[..., :3] = np.maximum(clean - behind, 0)
+    return image

@@ -14,6 +14,7 @@ from limitray._arrays import (
     index_array,
     one_of,
     positive_int,
+    positive_number,
     real_array,
     to_array,
     transform_matrix,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 INVALID_ID = 0xFFFFFFFF
 """Id reported for a miss."""
 
-DEFAULT_ISOLATION_LEVEL = 4
+DEFAULT_TOLERANCE = 1e-5
 DEVICES = ("cpu", "gpu", *BACKENDS)
 HIT_KEYS = (
     "t_hit",
@@ -90,30 +91,51 @@ class Scene:
         mesh: Mesh,
         isolation_level: int | None = None,
         transform: ArrayLike | None = None,
+        *,
+        tolerance: float | None = None,
+        memory_limit: int | None = None,
     ) -> int:
         """Adds a mesh and returns its geometry id.
+
+        After an exception, and after Ctrl-C, the scene is as it was.
 
         Parameters
         ----------
         mesh : Mesh
             The control cage.
         isolation_level : int, optional
-            How deep irregular features are isolated, 1 to 10; 4 unless given. Deeper levels bring
-            the surface near extraordinary vertices closer to the true limit.
+            How deep irregular features are isolated, 1 to 10. Deeper levels bring the surface near
+            extraordinary vertices closer to the true limit. Chosen by `tolerance` unless given;
+            it wins where both are.
         transform : array (4, 4), optional
             Affine matrix that acts on column vectors; the identity unless given.
+        tolerance : float, optional
+            How far the surface may be from the true limit, in units of the longest side of the box
+            around the cage; 1e-5 unless given. The lowest level from 2 to 6 (to 10 for a smaller
+            tolerance) is taken whose estimated error is below it. `mesh_statistics` tells the
+            error reached: high valences converge slowly.
+        memory_limit : int, optional
+            Bytes that the mesh may need while it is made; what the machine has free unless given.
 
         Raises
         ------
         ValueError
-            An argument is wrong, or the cage cannot be refined.
+            An argument is wrong, or the cage cannot be refined, or it is larger than 1e15 or
+            smaller than 1e-15.
+        MemoryError
+            The patches don't fit; the message names the size they need.
         """
         if not isinstance(mesh, Mesh):
             raise ValueError(f"mesh must be a limitray.Mesh, not {type(mesh).__name__}")
-        level = DEFAULT_ISOLATION_LEVEL if isolation_level is None else isolation_level
-        if positive_int("isolation_level", level) > 10:
-            raise ValueError(f"isolation_level must be 1 to 10, not {level}")
-        added = self._scene.add_mesh(mesh._cage, int(level), transform_matrix(transform))
+        if isolation_level is not None and positive_int("isolation_level", isolation_level) > 10:
+            raise ValueError(f"isolation_level must be 1 to 10, not {isolation_level}")
+        added = self._scene.add_mesh(
+            mesh._cage,
+            0 if isolation_level is None else int(isolation_level),
+            transform_matrix(transform),
+            DEFAULT_TOLERANCE if tolerance is None else positive_number("tolerance", tolerance),
+            0 if memory_limit is None else positive_int("memory_limit", memory_limit),
+        )
         self._material_set_of.append(0)
         self._primvar_names |= dict.fromkeys(mesh.primvars)
         return added
@@ -377,7 +399,9 @@ class Scene:
         """Size of one mesh after `add_mesh`.
 
         "patches", "gregory_patches", "patches_by_level" (a list), "patch_bytes", "bvh_bytes",
-        "build_seconds".
+        "build_seconds", "isolation_level", and "limit_error": the estimated bound on the distance
+        of the surface from the true limit, in units of the longest side of the box around the
+        cage, as in `add_mesh`.
         """
         counted = self._scene.mesh_statistics(self._known(geometry_id))
         return {
@@ -387,6 +411,8 @@ class Scene:
             "patch_bytes": counted.patch_bytes,
             "bvh_bytes": counted.bvh_bytes,
             "build_seconds": counted.build_seconds,
+            "isolation_level": counted.isolation_level,
+            "limit_error": counted.limit_error,
         }
 
     def geometry_count(self) -> int:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from limitray._arrays import real_array
 from limitray.camera import Vector, look_axes
@@ -127,9 +127,8 @@ class ImageSky:
         step = -(-self._height // IMPORTANCE_SIZE)
         self._rows, self._columns = -(-self._height // step), -(-self._width // step)
         light = np.zeros((self._rows * step, self._columns * step))
-        light[: self._height, : self._width] = self._pixels.mean(axis=0).reshape(
-            self._height, self._width
-        )
+        grey = self._pixels.mean(axis=0, dtype=np.float64).reshape(self._height, self._width)
+        light[: self._height, : self._width] = _spread(grey)
         cells = light.reshape(self._rows, step, self._columns, step).mean(axis=(1, 3))
         edges = np.cos(np.pi * np.arange(self._rows + 1) / self._rows)
         area = (edges[:-1] - edges[1:])[:, np.newaxis] * np.full(self._columns, 1 / self._columns)
@@ -185,6 +184,13 @@ class ImageSky:
         across = angle * np.float32(0.5 / np.pi)
         down = np.arccos(np.clip(dot(directions, up), -1, 1)) * np.float32(1 / np.pi)
         return across - np.floor(across), down
+
+
+def _spread(grey: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means over the pixels of what `radiance` shows: it is linear between their centres."""
+    across = 0.75 * grey + 0.125 * (np.roll(grey, 1, axis=1) + np.roll(grey, -1, axis=1))
+    padded = np.pad(across, ((1, 1), (0, 0)), mode="edge")
+    return np.asarray(0.75 * across + 0.125 * (padded[:-2] + padded[2:]))
 
 
 def _unit(name: str, vector: ArrayLike) -> Array:

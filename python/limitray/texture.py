@@ -142,15 +142,15 @@ class Texture:
         without them the finest level is taken.
         """
         places = real_array("st", st, (None, 2))
-        differences = [_differences(name, d) for name, d in (("d_dx", d_dx), ("d_dy", d_dy))]
+        x, y = _differences("d_dx", d_dx), _differences("d_dy", d_dy)
         if not self._udim:
-            return self._tiles[0, 0].sample(places, *differences, *self._wraps)
+            return self._tiles[0, 0].sample(places, x, y, *self._wraps)
         colours = np.zeros((len(places), 3))
         cells = np.floor(places)
         for tile, image in self._tiles.items():
             rows = np.flatnonzero((cells == tile).all(axis=1))
-            parts = [d[rows] if len(d) > 1 else d for d in differences]
-            colours[rows] = image.sample(places[rows] - tile, *parts, *self._wraps)
+            here_x, here_y = (d[rows] if len(d) > 1 else d for d in (x, y))
+            colours[rows] = image.sample(places[rows] - tile, here_x, here_y, *self._wraps)
         return colours
 
 

@@ -69,8 +69,7 @@ std::string to_token(Enum value) {
 template <class Enum>
 void bind_token(nb::class_<ControlCage>& cage, const char* name, Enum ControlCage::*member) {
   cage.def_prop_rw(
-      name,
-      [member](const ControlCage& self) { return to_token(self.*member); },
+      name, [member](const ControlCage& self) { return to_token(self.*member); },
       [member, name](ControlCage& self, const std::string& text) {
         self.*member = from_token<Enum>(text, name);
       });

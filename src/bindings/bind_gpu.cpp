@@ -1,8 +1,10 @@
 // Stage: bindings. What the GPU tracer (python/limitray/gpu.py) reads of a scene: copies of the
 // patches, trees and instances, in the layouts of patches/patch_buffer.slang and bvh/bvh.slang.
+#include <algorithm>
 #include <cstddef>
 #include <cstring>
-#include <span>
+#include <initializer_list>
+#include <utility>
 
 #include "bind.h"
 #include "bind_queries.h"
@@ -13,6 +15,8 @@ namespace limitray::bindings {
 namespace {
 
 using namespace nb::literals;
+
+using Record = nb::typed<nb::dict, nb::str, nb::any>;
 
 // The layouts that src/limitray/**/*.slang rely on.
 static_assert(sizeof(PatchNet<float>) == 12 * 16 && sizeof(PatchBump<float>) == 3 * 16);
@@ -52,9 +56,9 @@ Output<double> matrix(const Affine& a) {
   return own(std::move(values), {3, 4});
 }
 
-nb::dict mesh_data(const Scene& self, std::size_t mesh) {
+Record mesh_data(const Scene& self, std::size_t mesh) {
   const MeshData m = self.mesh_data(mesh);
-  nb::dict d;
+  Record d;
   d["nets"] = words<float>(m.nets.data(), m.nets.size());
   d["bumps"] = words<float>(m.bumps.data(), m.bumps.size());
   d["infos"] = words<std::uint32_t>(m.infos.data(), m.infos.size());
@@ -68,9 +72,9 @@ nb::dict mesh_data(const Scene& self, std::size_t mesh) {
   return d;
 }
 
-nb::dict instance_data(const Scene& self, std::uint32_t geometry_id) {
+Record instance_data(const Scene& self, std::uint32_t geometry_id) {
   const InstanceData in = self.instance_data(geometry_id);
-  nb::dict d;
+  Record d;
   d["mesh"] = in.mesh;
   d["identity"] = in.identity;
   d["to_object"] = matrix(in.to_object);
@@ -78,9 +82,9 @@ nb::dict instance_data(const Scene& self, std::uint32_t geometry_id) {
   return d;
 }
 
-nb::dict top_data(const Scene& self) {
+Record top_data(const Scene& self) {
   const TopData top = self.top_data();
-  nb::dict d;
+  Record d;
   d["nodes"] = words<float>(top.nodes, top.node_count);
   d["center"] = row({top.center.x, top.center.y, top.center.z});
   d["half"] = row({top.half.x, top.half.y, top.half.z});

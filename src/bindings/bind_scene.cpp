@@ -28,8 +28,8 @@ nb::typed<nb::dict, nb::str, std::uint64_t> to_dict(const Statistics& s) {
 }
 
 std::uint32_t add_mesh(Scene& self, const ControlCage& cage, int isolation_level,
-                       Input<double, 4, 4> transform) {
-  const MeshOptions options{isolation_level, to_affine(transform)};
+                       Input<double, 4, 4> transform, double tolerance, std::size_t memory_limit) {
+  const MeshOptions options{isolation_level, to_affine(transform), tolerance, memory_limit};
   return run_interruptibly(
       [&](Progress& progress) { return self.add_mesh(cage, options, &progress); });
 }
@@ -55,12 +55,15 @@ void bind_scene(nb::module_& module) {
       .def_ro("patches_by_level", &MeshStatistics::patches_by_level)
       .def_ro("patch_bytes", &MeshStatistics::patch_bytes)
       .def_ro("bvh_bytes", &MeshStatistics::bvh_bytes)
-      .def_ro("build_seconds", &MeshStatistics::build_seconds);
+      .def_ro("build_seconds", &MeshStatistics::build_seconds)
+      .def_ro("isolation_level", &MeshStatistics::isolation_level)
+      .def_ro("limit_error", &MeshStatistics::limit_error);
 
   auto scene =
       nb::class_<Scene>(module, "Scene", "Meshes, instances and the queries on them.")
           .def(nb::init<int>(), "threads"_a = 0)
-          .def("add_mesh", &add_mesh, "cage"_a, "isolation_level"_a, "transform"_a.noconvert())
+          .def("add_mesh", &add_mesh, "cage"_a, "isolation_level"_a, "transform"_a.noconvert(),
+               "tolerance"_a = default_tolerance, "memory_limit"_a = 0)
           .def(
               "add_instance",
               [](Scene& self, std::uint32_t geometry_id, Input<double, 4, 4> transform) {

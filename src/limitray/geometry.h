@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "limitray/cage/cage.h"
 #include "limitray/intersect/kernels.h"
 #include "limitray/limits.h"
+#include "limitray/patches/gregory_error.h"
 #include "limitray/patches/primvar_surface.h"
 #include "limitray/patches/refine.h"
 
@@ -69,8 +71,19 @@ struct Geometry {
   // So are its primvars.
   mutable std::map<std::string, std::unique_ptr<PrimvarSurface>> primvars;
 
+  mutable std::optional<double> error_of_limit;  // estimated when first asked for
+
   Geometry(ControlCage c, const RefineOptions& o)
-      : cage(std::move(c)), options(o), refiner(cage, options) {}
+      : cage(std::move(c)), options(o), refiner(cage, options) {
+    options.stop = nullptr;  // it was for this call
+  }
+
+  /// See MeshStatistics.
+  double limit_error() const {
+    const std::lock_guard lock(mutex);
+    if (!error_of_limit) error_of_limit = gregory_error(cage, options.isolation_level);
+    return *error_of_limit;
+  }
 
   /// A surface of one point is given a size above 0, so that bounds on rounding are, too.
   PatchBuffer<double> make_patches(std::span<const Vec3d> points) const {

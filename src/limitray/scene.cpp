@@ -7,12 +7,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <mutex>
 #include <stdexcept>
 #include <string>
 
 #include "limitray/geometry.h"
 #include "limitray/limits.h"
+#include "limitray/patches/gregory_error.h"
 
 namespace limitray {
 namespace {
@@ -54,6 +56,19 @@ bool is_identity(const Affine& a) {
   return true;
 }
 
+void check_options(const MeshOptions& options) {
+  if (options.isolation_level < 0 || options.isolation_level > 10)
+    throw std::invalid_argument("isolation_level: must be 1 to 10, or 0 to choose it, got " +
+                                std::to_string(options.isolation_level));
+  if (!(options.tolerance > 0))
+    throw std::invalid_argument("tolerance: must be above 0, got " +
+                                std::to_string(options.tolerance));
+}
+/// What the default tolerance may cost is limited; who asks for less gets it.
+int highest_chosen_level(const MeshOptions& options) {
+  return options.tolerance < default_tolerance ? 10 : 6;
+}
+
 /// Adds up the work of one block of rays.
 void add(Statistics& sum, const Statistics& s) {
   sum.rays += s.rays;
@@ -86,11 +101,14 @@ void check_batch(const RayBatch<T>& rays) {
 /// geometry, same side of the surface, t equal within the bounds.
 void sort_and_merge(std::vector<Intersection>& hits) {
   std::sort(hits.begin(), hits.end(), [](const auto& a, const auto& b) { return a.t < b.t; });
+  double largest_error = 0;
+  for (const Intersection& h : hits) largest_error = std::max(largest_error, h.t_error);
   std::vector<Intersection> merged;
   for (const Intersection& h : hits) {
     bool known = false;
     for (std::size_t k = merged.size(); k-- > 0 && !known;) {
       const Intersection& m = merged[k];
+      if (h.t - m.t > h.t_error + largest_error) break;  // and so are all before
       known = m.geometry_id == h.geometry_id && m.front == h.front &&
               h.t - m.t <= m.t_error + h.t_error;
     }
@@ -118,8 +136,7 @@ struct Scene::State {
   mutable std::mutex statistics_mutex;
   mutable Statistics statistics;
 
-  explicit State(int threads)
-      : arena(threads == 0 ? int(tbb::task_arena::automatic) : threads) {}
+  explicit State(int threads) : arena(threads == 0 ? int(tbb::task_arena::automatic) : threads) {}
 
   std::array<Vec3d, 2> world_bounds(const InstanceView& in) const {
     return placed_bounds(*geometries[in.geometry], in.to_world);
@@ -192,11 +209,8 @@ struct Scene::State {
     arena.execute([&] {
       update_top();
       const std::vector<GeometryView<T>> views = geometry_views<T>();
-      const SceneView<T> view{views,
-                              instances,
-                              top.nodes.empty() ? nullptr : top.nodes.data(),
-                              extent_of(top.bounds, origin, radius),
-                              use_newton};
+      const SceneView<T> view{views, instances, top.nodes.empty() ? nullptr : top.nodes.data(),
+                              extent_of(top.bounds, origin, radius), use_newton};
       const std::size_t grain = std::is_same_v<T, float> ? 512 : 128;
       tbb::parallel_for(
           tbb::blocked_range<std::size_t>(0, n, grain),
@@ -215,9 +229,8 @@ struct Scene::State {
 
   const InstanceView& instance(std::uint32_t id) const {
     if (id >= instances.size())
-      throw std::invalid_argument("geometry_id: must be below " +
-                                  std::to_string(instances.size()) + ", got " +
-                                  std::to_string(id));
+      throw std::invalid_argument("geometry_id: must be below " + std::to_string(instances.size()) +
+                                  ", got " + std::to_string(id));
     return instances[id];
   }
 };
@@ -235,24 +248,32 @@ Scene& Scene::operator=(Scene&&) noexcept = default;
 
 std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Progress* progress) {
   const auto start = std::chrono::steady_clock::now();
-  const auto stop = [progress] {
+  const std::function<void()> stop = [progress] {
     if (progress && progress->cancel) throw Cancelled();
   };
   const Affine to_object = inverse(options.transform);
+  check_options(options);
   validate(cage);
   check_extent(cage, cage.points);
   state_->arena.execute([&] {
     stop();
-    auto g = std::make_unique<Geometry>(std::move(cage), RefineOptions{options.isolation_level});
+    const int level = options.isolation_level != 0
+                          ? options.isolation_level
+                          : choose_level(cage, options.tolerance, highest_chosen_level(options))
+                                .isolation_level;
+    auto g = std::make_unique<Geometry>(std::move(cage),
+                                        RefineOptions{level, options.memory_limit, stop});
     stop();
     const PatchBuffer<double> patches = g->make_patches(g->cage.points);
     stop();
     // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
-    g->bvh = build_bvh(boxes_of(round_patches<float>(patches)));
+    g->bvh = build_bvh(boxes_of(round_patches<float>(patches)),
+                       [progress] { return progress && progress->cancel; });
     stop();
     g->patches = patches_to_trace<float>(patches, g->bvh.order);
-    g->build_seconds = seconds_since(start);
+    stop();
     check_placed(placed_bounds(*g, options.transform));
+    g->build_seconds = seconds_since(start);
     state_->geometries.push_back(std::move(g));
   });
   state_->instances.push_back({std::uint32_t(state_->geometries.size() - 1),
@@ -289,6 +310,7 @@ void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> poin
   g.bvh = std::move(bvh);
   g.cage.points = std::move(kept);
   g.patches_double = PatchBuffer<double>{};
+  g.error_of_limit.reset();
   state_->top_is_stale = true;
 }
 
@@ -339,8 +361,7 @@ void Scene::count_intersections(const RayBatch<double>& rays, std::uint32_t* cou
   });
 }
 
-IntersectionList Scene::list_intersections(const RayBatch<double>& rays,
-                                           Progress* progress) const {
+IntersectionList Scene::list_intersections(const RayBatch<double>& rays, Progress* progress) const {
   check_batch(rays);
   std::vector<std::vector<Intersection>> all(rays.size());
   state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
@@ -372,8 +393,8 @@ int Scene::primvar_width(const std::string& name) const {
     if (!primvar) continue;
     if (width != 0 && width != primvar->width)
       throw std::invalid_argument("primvar \"" + name + "\": has " + std::to_string(width) +
-                                  " components in one mesh and " +
-                                  std::to_string(primvar->width) + " in another");
+                                  " components in one mesh and " + std::to_string(primvar->width) +
+                                  " in another");
     width = primvar->width;
   }
   return width;
@@ -426,6 +447,8 @@ MeshStatistics Scene::mesh_statistics(std::uint32_t geometry_id) const {
   s.patch_bytes = g.patches.bytes() + g.bvh.order.size() * sizeof(std::uint32_t);
   s.bvh_bytes = g.bvh.bytes();
   s.build_seconds = g.build_seconds;
+  s.isolation_level = g.options.isolation_level;
+  s.limit_error = g.limit_error();
   return s;
 }
 

@@ -32,17 +32,17 @@ struct RayBatch {
 /// t = inf, ids = 0xFFFFFFFF, zeros elsewhere.
 template <class T>
 struct HitArrays {
-  T* t = nullptr;                        // n
-  T* t_error = nullptr;                  // n: bound on |t - t of the surface|
-  std::uint32_t* geometry_id = nullptr;  // n: as returned by add_mesh / add_instance
-  std::uint32_t* primitive_id = nullptr; // n: base face
-  std::uint32_t* sub_quad = nullptr;     // n: corner of an n-gon, 0 for quads
-  std::uint32_t* patch_id = nullptr;     // n: patch of the geometry
-  T* uv = nullptr;                       // 2 n: (u,v) in the base face or its sub-quad
-  T* normal = nullptr;                   // 3 n: unit, on the side given by the face winding
-  T* point = nullptr;                    // 3 n: the surface at (u,v)
-  T* dp_du = nullptr;                    // 3 n
-  T* dp_dv = nullptr;                    // 3 n
+  T* t = nullptr;                         // n
+  T* t_error = nullptr;                   // n: bound on |t - t of the surface|
+  std::uint32_t* geometry_id = nullptr;   // n: as returned by add_mesh / add_instance
+  std::uint32_t* primitive_id = nullptr;  // n: base face
+  std::uint32_t* sub_quad = nullptr;      // n: corner of an n-gon, 0 for quads
+  std::uint32_t* patch_id = nullptr;      // n: patch of the geometry
+  T* uv = nullptr;                        // 2 n: (u,v) in the base face or its sub-quad
+  T* normal = nullptr;                    // 3 n: unit, on the side given by the face winding
+  T* point = nullptr;                     // 3 n: the surface at (u,v)
+  T* dp_du = nullptr;                     // 3 n
+  T* dp_dv = nullptr;                     // 3 n
 };
 
 /// Work done since the scene was made or reset_statistics was called.
@@ -57,6 +57,10 @@ struct MeshStatistics {
   std::vector<std::size_t> patches_by_level;
   std::size_t patch_bytes = 0, bvh_bytes = 0;
   double build_seconds = 0;
+  int isolation_level = 0;  // as given or chosen
+  /// Estimated bound on the distance of the surface from the true limit, in units of the longest
+  /// side of the box around the cage: what Gregory patches at extraordinary vertices leave.
+  double limit_error = 0;
 };
 
 /// Lets a caller watch and stop a long call from another thread.
@@ -68,9 +72,18 @@ struct Cancelled : std::exception {
   const char* what() const noexcept override { return "cancelled"; }
 };
 
+/// Tolerance of a mesh for which nothing is asked.
+inline constexpr double default_tolerance = 1e-5;
+
 struct MeshOptions {
-  int isolation_level = 4;
+  /// How deep irregular features are isolated, 1 to 10; 0: as deep as `tolerance` needs.
+  int isolation_level = 0;
   Affine transform{};
+  /// Above 0: MeshStatistics::limit_error is at most this where a level from 2 to 6 (to 10 for less
+  /// than the default) can reach it.
+  double tolerance = default_tolerance;
+  /// Bytes that the mesh may need while it is made; 0: what the machine has free.
+  std::size_t memory_limit = 0;
 };
 
 /// n places on surfaces, one row each: a hit's ids and parameters. Id 0xFFFFFFFF: nowhere.
@@ -88,8 +101,8 @@ struct IntersectionList {
 
 struct BvhNode;
 
-/// What the tracer reads of one mesh, for tracers elsewhere (a GPU): views into the scene, valid until
-/// it is changed. Patches are in the order of the tree's leaves; all is relative to `center`.
+/// What the tracer reads of one mesh, for tracers elsewhere (a GPU): views into the scene, valid
+/// until it is changed. Patches are in the order of the tree's leaves; all is relative to `center`.
 struct MeshData {
   std::span<const PatchNet<float>> nets;
   std::span<const PatchBump<float>> bumps;
@@ -124,7 +137,9 @@ class Scene {
   Scene(Scene&&) noexcept;
   Scene& operator=(Scene&&) noexcept;
 
-  /// Adds a cage (validated here; throws std::invalid_argument). Returns its geometry id.
+  /// Adds a cage (validated here; throws std::invalid_argument). Returns its geometry id. Throws
+  /// OutOfMemory (memory.h) if its patches need more than there is; after any exception the scene is
+  /// as it was.
   std::uint32_t add_mesh(ControlCage cage, const MeshOptions& options = {},
                          Progress* progress = nullptr);
   /// Adds geometry `geometry_id` again under another transform; costs no patches.
@@ -147,11 +162,11 @@ class Scene {
   IntersectionList list_intersections(const RayBatch<double>& rays,
                                       Progress* progress = nullptr) const;
 
-  /// Components of the primvar `name`, 0 if no mesh has it. Throws std::invalid_argument if two have
-  /// it with different widths.
+  /// Components of the primvar `name`, 0 if no mesh has it. Throws std::invalid_argument if two
+  /// have it with different widths.
   int primvar_width(const std::string& name) const;
-  /// The primvar `name` and its derivatives by u and v, each n x primvar_width(name): 0 nowhere, NaN
-  /// where the mesh lacks it. The first call for a mesh makes its patches. Throws
+  /// The primvar `name` and its derivatives by u and v, each n x primvar_width(name): 0 nowhere,
+  /// NaN where the mesh lacks it. The first call for a mesh makes its patches. Throws
   /// std::invalid_argument for ids out of range, and where primvar_width does.
   void evaluate_primvar(const std::string& name, const SurfacePlaces& at, double* values,
                         double* d_du, double* d_dv, Progress* progress = nullptr) const;

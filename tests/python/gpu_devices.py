@@ -19,7 +19,7 @@ def require_gpu():
     except (ImportError, RuntimeError) as error:
         if os.environ.get("LIMITRAY_REQUIRE_GPU"):
             raise
-        pytest.skip(f"{error}; scripts/with_lavapipe runs this without one", allow_module_level=True)
+        pytest.skip(f"{error}; or run scripts/with_lavapipe", allow_module_level=True)
 
 
 def on_both(*meshes, **arguments):

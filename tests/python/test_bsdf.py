@@ -7,9 +7,11 @@ from limitray.bsdf import Bsdf
 from limitray.hits import Surface
 from limitray.sampling import Sampler
 
-COUNT = 1 << 15
-PIXELS = np.arange(COUNT, dtype=np.uint32)
-SQUARE, OTHER = (Sampler(0, 0).square(purpose, PIXELS) for purpose in (0, 1))
+SIDE = 256
+COUNT = SIDE * SIDE
+CENTRES = (np.arange(SIDE, dtype=np.float32) + 0.5) / SIDE
+SQUARE = np.stack([a.ravel() for a in np.meshgrid(CENTRES, CENTRES)])
+OTHER = Sampler(0, 0).square(0, np.arange(COUNT, dtype=np.uint32))
 ROUGHNESSES = (0.05, 0.2, 0.5, 1.0)
 COSINES = (0.1, 0.5, 0.95)
 
@@ -56,7 +58,7 @@ def test_white_stays_white(roughness, metallic):
     """The furnace test: nothing is lost between facets, or between layer and base."""
     for cosine in COSINES:
         reflection = bsdf((1, 1, 1), roughness, metallic, cosine=cosine)[0]
-        np.testing.assert_allclose(albedo(reflection), 1, atol=0.02)
+        np.testing.assert_allclose(albedo(reflection), 1, atol=0.005)
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
@@ -64,7 +66,7 @@ def test_colours_never_gain_energy(roughness):
     for metallic in (0.0, 1.0):
         reflected = albedo(bsdf((0.9, 0.5, 0.1), roughness, metallic)[0])
         assert (reflected < (0.93, 0.62, 0.35)).all()
-        assert (reflected > 0.8 * np.array((0.9, 0.5, 0.1))).all()
+        assert (reflected > (0.8, 0.3, 0.05)).all()
 
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
@@ -116,7 +118,9 @@ def test_metals_follow_the_formula():
     )  # fmt: skip
     factor = found[:, : len(rows)] / expected
     assert factor.min() >= 1
-    np.testing.assert_allclose(factor, np.median(factor, axis=1, keepdims=True) + 0 * factor, rtol=1e-3)
+    np.testing.assert_allclose(
+        factor, np.median(factor, axis=1, keepdims=True) + 0 * factor, rtol=1e-3
+    )
 
 
 def test_nothing_is_reflected_below_the_surface():

@@ -40,9 +40,21 @@ def test_render_takes_a_camera_and_layers():
     assert os.path.getsize("cube.exr") > 1000
 
 
-@pytest.mark.parametrize("integrator", ["ao", "facing", "normal", "uv"])
+@pytest.mark.parametrize("integrator", ["ao", "facing", "normal", "uv", "path"])
 def test_render_takes_integrators(integrator):
     assert main(["render", CUBE, "-o", "cube.png", *TINY, "--integrator", integrator]) == 0
+
+
+def test_render_takes_light_and_a_finish():
+    path = ["--integrator", "path", "--sun", "0,1,1"]
+    Image.new("RGB", (8, 4), (200, 150, 90)).save("sky.png")
+    pictures = []
+    for options in ([], ["--sky", "1,0.5,0.2"], ["--sky", "sky.png"], ["--max-depth", "1"],
+                    ["--roughness", "0.3"], ["--roughness", "0.3", "--metallic", "1"]):  # fmt: skip
+        assert main(["render", CUBE, "-o", "cube.png", *TINY, *path, *options]) == 0
+        pictures.append(Path("cube.png").read_bytes())
+    assert len(set(pictures)) == len(pictures) - 1, "a convex shape has one bounce"
+    assert pictures[3] == pictures[0]
 
 
 def test_render_prints_statistics(capsys):
@@ -91,6 +103,7 @@ def test_cast_writes_hits(capsys, dtype):
     assert json.loads(capsys.readouterr().out)["hits"] == 0
 
 
+PATH = ["render", CUBE, "-o", "a.png", "--integrator", "path"]
 FAILURES = [
     (["render", "nothing.obj", "-o", "a.png"], 1, "nothing.obj: No such file or directory"),
     (["render", CUBE, "-o", "nowhere/a.png"], 1, "nowhere/a.png: No such file or directory"),
@@ -112,6 +125,10 @@ FAILURES = [
     (["render", CUBE, "-o", "a.exr", "--aov", "z"], 2, '"z" is not one of depth, normal'),
     (["render", CUBE, "-o", "a.png", "--aov", "depth"], 2, "needs an output that ends in .exr"),
     (["render", CUBE, "-o", "a.png", "--fov", "200"], 1, "fov_deg must be above 0 and below 180"),
+    (["render", CUBE, "-o", "a.png", "--denoise"], 2, "need --integrator path"),
+    ([*PATH, "--metallic", "1"], 1, "--metallic needs --roughness"),
+    ([*PATH, "--roughness", "2"], 1, "roughness must be 0.05 to 1, not 2"),
+    ([*PATH, "--sky", "blue"], 2, '"blue" is not three numbers'),
     (["info"], 2, "Missing argument 'MODEL'"),
     (["info", CUBE, "--isolation-level", "11"], 2, "--isolation-level"),
     (["cast", CUBE, "rays.npy", "-o", "a.npz"], 1, "rays.npy: No such file or directory"),

@@ -19,7 +19,7 @@ import limitray as lr
 
 scene = lr.Scene()
 scene.add_mesh(lr.Mesh.from_file(sys.argv[1]))
-rays = np.tile(np.array([[0, -8, 2, 0.02, 1, 0.0]]), (4_000_000, 1))
+rays = np.tile(np.array([[0, 2, 8, 0.02, 0, -1.0]]), (4_000_000, 1))
 print("ready", flush=True)
 try:
     scene.{call}

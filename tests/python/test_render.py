@@ -108,7 +108,7 @@ def test_an_interrupt_keeps_the_picture_so_far(scene):
         ({"height": 1.5}, "height must be an integer >= 1, not 1.5"),
         ({"spp": 0}, "spp must be an integer >= 1, not 0"),
         ({"seed": -1}, "seed must be an integer >= 0, not -1"),
-        ({"integrator": "path"}, "integrator must be one of ao, facing, normal, uv, not 'path'"),
+        ({"integrator": "z"}, "integrator must be one of ao, facing, normal, uv, path, not 'z'"),
         ({"aovs": ("z",)}, "aovs must be one of depth, normal, position, face, patch, not 'z'"),
     ],
 )

@@ -14,7 +14,9 @@ def test_the_first_samples_of_a_pixel_fill_every_grid(columns):
     for purpose in (0, 5):
         points = np.stack([Sampler(3, i).square(purpose, PIXELS) for i in range(16)])
         cells = np.floor(points[:, 0] * columns) * rows + np.floor(points[:, 1] * rows)
-        np.testing.assert_array_equal(np.sort(cells, axis=0), np.arange(16)[:, np.newaxis] + 0 * cells)
+        np.testing.assert_array_equal(
+            np.sort(cells, axis=0), np.arange(16)[:, np.newaxis] + 0 * cells
+        )
 
 
 def test_a_number_depends_on_seed_sample_purpose_and_pixel_alone():

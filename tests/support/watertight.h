@@ -22,7 +22,7 @@ namespace limitray::test {
 enum class RayKind { through_to_inside, from_inside, random_from_inside, grazing, coherent };
 inline constexpr int ray_kinds = 5;
 /// How many of a hundred rays are of each kind: a grazing ray costs as much as ten others.
-inline constexpr int ray_percent[ray_kinds] = {30, 25, 20, 5, 20};
+inline constexpr int ray_percent[ray_kinds] = {30, 25, 20, 2, 23};
 inline const char* name_of(RayKind k) {
   constexpr const char* names[] = {"outside, through the target to a point inside",
                                    "inside, at the target", "inside, anywhere",

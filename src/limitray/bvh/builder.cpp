@@ -40,6 +40,11 @@ void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* it
   return n;
 }
 
+/// Embree's builder goes on while this is true.
+bool goes_on(void* cancelled, double) {
+  return !(*static_cast<const std::function<bool()>*>(cancelled))();
+}
+
 Box to_box(const RTCBounds& b) {
   Box r;
   r.lo[0] = b.lower_x, r.lo[1] = b.lower_y, r.lo[2] = b.lower_z;
@@ -87,7 +92,7 @@ RTCDevice device() {
 
 }  // namespace
 
-Bvh build_bvh(std::span<const Box> boxes) {
+Bvh build_bvh(std::span<const Box> boxes, const std::function<bool()>& cancelled) {
   Bvh out;
   for (const Box& b : boxes) out.bounds.add(b);
   if (boxes.empty()) return out;
@@ -117,7 +122,12 @@ Bvh build_bvh(std::span<const Box> boxes) {
   a.setNodeChildren = set_children;
   a.setNodeBounds = set_bounds;
   a.createLeaf = create_leaf;
+  if (cancelled) {
+    a.buildProgress = goes_on;
+    a.userPtr = const_cast<std::function<bool()>*>(&cancelled);
+  }
   const auto* root = static_cast<const BuildNode*>(rtcBuildBVH(&a));
+  if (!root && cancelled && cancelled()) return {};
   if (!root)
     throw std::runtime_error("build_bvh: Embree failed with error " +
                              std::to_string(rtcGetDeviceError(device())));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -20,7 +21,8 @@ struct Bvh {
 
 /// Builds a tree over `boxes` (at most 2^31). Leaf k stands for item order[k], so that items stored
 /// in that order are read in the order of the tree. Throws std::runtime_error if Embree fails.
-Bvh build_bvh(std::span<const Box> boxes);
+/// `cancelled` is asked often, from any thread: once it is true the tree returned has no nodes.
+Bvh build_bvh(std::span<const Box> boxes, const std::function<bool()>& cancelled = nullptr);
 
 /// New boxes for the same tree, in leaf order: boxes[k] is leaf k's.
 void refit_bvh(Bvh& bvh, std::span<const Box> boxes);

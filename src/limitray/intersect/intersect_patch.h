@@ -20,6 +20,7 @@ inline namespace LIMITRAY_ISA {
 struct PatchCounters {
   std::uint32_t patch_tests = 0, early_outs = 0, splits = 0, backtracks = 0, newton_runs = 0,
                 newton_steps = 0, unresolved = 0;
+  std::uint32_t before_ray = 0;  // `splits` when the ray began
 };
 
 /// Deepest level a direction is split to: 2^-level is then a few roundings of a parameter.
@@ -28,6 +29,9 @@ inline constexpr int max_level = std::is_same_v<T, float> ? 22 : 48;
 /// Splits after which a patch counts as unresolved: never reached by a surface that is no curve
 /// along the ray.
 inline constexpr std::uint32_t max_splits = 1u << 16;
+/// The same for further patches of a ray that has done that many: time is bounded a ray, not a
+/// patch.
+inline constexpr std::uint32_t max_splits_of_rest = 1u << 10;
 
 /// The local frame: x and y are mixed by a 2x2 map built from the patch's own projected tangents,
 /// so that x follows u and y follows v. Edge-on, where they are (almost) parallel, a rotation by
@@ -226,7 +230,9 @@ template <class T, bool use_newton, class OnHit>
                   1,
                   bump_slope<T>};
   DepthCluster<T> cluster;
-  const std::uint32_t first_split = count.splits;
+  const std::uint32_t done_by_ray = std::min(max_splits, count.splits - count.before_ray);
+  const std::uint32_t last_split =
+      count.splits + std::max(max_splits - done_by_ray, max_splits_of_rest);
   while (true) {
     bool done = false;  // with this subdomain
     // The whole patch was tried by its model; two splits later it pays to try again.
@@ -247,7 +253,7 @@ template <class T, bool use_newton, class OnHit>
       cluster.start({u, v, evaluate(root, u, v).z, 0}, sub);
       done = true;
     }
-    if (!done && count.splits - first_split == max_splits) {
+    if (!done && count.splits == last_split) {
       ++count.unresolved;
       cluster.report(on_hit, zmax);
       return;

@@ -198,6 +198,7 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t beg
   PatchCounters count;
   for (std::size_t i = begin; i < end; ++i) {
     const ObjectRay ray = load_ray(rays, i);
+    count.before_ray = count.splits;
     double tfar = ray.tfar;
     LeafHit<T> best;
     trace(
@@ -222,6 +223,7 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t be
   PatchCounters count;
   for (std::size_t i = begin; i < end; ++i) {
     const ObjectRay ray = load_ray(rays, i);
+    count.before_ray = count.splits;
     double tfar = ray.tfar;
     out[i] = 0;
     trace(

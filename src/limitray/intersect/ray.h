@@ -79,8 +79,9 @@ struct Extent {
 /// in the extent, so a control value is off by u R, org by u R, and both are at most D = 2 R apart.
 /// The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by 2 u, its
 /// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u
-/// D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and in Z: 30 u R;
-/// 32 u R covers the higher orders. The move in double adds eps_move.
+/// D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and in Z: 30 u
+/// R; 32 u R covers the higher orders. The move in double adds 8 roundings of the way, the patches
+/// as the refiner computes them (within 5 roundings of R in double) 16 more of R: eps_double.
 template <class T>
 [[gnu::always_inline]] inline bool make_patch_ray(const ObjectRay& ray, const Extent& extent,
                                                   PatchRay<T>& r) {
@@ -113,7 +114,7 @@ template <class T>
   const double s = std::min(std::max(0.0, entry), exit);
   const V moved = o + s * n;
   const double far = std::max({std::abs(o[0]), std::abs(o[1]), std::abs(o[2])}) + std::abs(s);
-  const double eps_move = 8 * unit_roundoff<double> * far;
+  const double eps_double = unit_roundoff<double> * (8 * far + 16 * extent.radius);
   for (int i = 0; i < 3; ++i) r.org[i] = T(moved[i]), r.dir[i] = T(n[i]);
   r.axis_z = largest;
   r.axis_x = largest == 2 ? 0 : largest + 1;
@@ -124,8 +125,8 @@ template <class T>
   r.shear_x = -r.sign_z * r.dir[r.axis_x];
   r.shear_y = -r.sign_z * r.dir[r.axis_y];
   const double radius = extent.radius;
-  r.eps = T((32 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
-  r.eps_z = T((8 * double(unit_roundoff<T>) * radius + eps_move) * (1 + 1e-6));
+  r.eps = T((32 * double(unit_roundoff<T>) * radius + eps_double) * (1 + 1e-6));
+  r.eps_z = T((8 * double(unit_roundoff<T>) * radius + eps_double) * (1 + 1e-6));
   r.zmin = r.z_below(ray.tnear);
   r.zmax = r.z_above(ray.tfar);
   return true;

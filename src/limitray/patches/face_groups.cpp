@@ -37,7 +37,7 @@ std::vector<std::int32_t> positions_in(std::span<const std::int32_t> all,
 
 }  // namespace
 
-FaceGroups::FaceGroups(const ControlCage& cage)
+FaceGroups::FaceGroups(const ControlCage& cage, int deepest_level)
     : cage_(cage),
       topology_(make_topology(cage)),
       edge_sharpness_(topology_.edges.size()),
@@ -45,7 +45,9 @@ FaceGroups::FaceGroups(const ControlCage& cage)
   const std::vector<bool> absent = absent_faces(cage, topology_);
   for (std::size_t f = 0; f < cage.face_count(); ++f)
     if (!absent[f]) faces_.push_back(static_cast<std::int32_t>(f));
-  group_size_ = std::clamp<std::size_t>(faces_.size() / 32, 1024, 8192);
+  // A face between unlike creases has some 2^level patches along its edges.
+  const std::size_t smallest = deepest_level > 7 ? 1024u >> (deepest_level - 6) : 1024;
+  group_size_ = std::clamp<std::size_t>(faces_.size() / 32, smallest, 8 * smallest);
 
   for (const CreaseEdge& crease : crease_edges(cage))
     edge_sharpness_[topology_.find_edge(crease.v0, crease.v1)] = crease.sharpness;

@@ -34,8 +34,9 @@ struct FaceGroup {
 /// in no group, but in rims, where they are ordinary faces.
 class FaceGroups {
  public:
-  /// `cage` must be valid and live as long as this.
-  explicit FaceGroups(const ControlCage& cage);
+  /// `cage` must be valid and live as long as this. Groups are smaller where `deepest_level`, to
+  /// which they will be refined, may make very many patches of a face.
+  FaceGroups(const ControlCage& cage, int deepest_level);
 
   std::size_t size() const { return (faces_.size() + group_size_ - 1) / group_size_; }
   /// Makes group `index`, below size(). Thread-safe.

@@ -41,6 +41,12 @@ struct PatchRecipe {
   std::vector<GregoryPatch> gregory;
   std::vector<PatchInfo> infos;
 
+  std::size_t bytes() const {
+    return sizeof(std::int32_t) * control_points.size() + stencils.bytes() +
+           sizeof(RegularPatch) * regular.size() + sizeof(GregoryPatch) * gregory.size() +
+           sizeof(PatchInfo) * infos.size();
+  }
+
   /// Writes infos.size() nets and gregory.size() bumps, relative to `origin`, for the cage's
   /// `points`. Returns the largest |control value|.
   double make(std::span<const Vec3d> points, Vec3d origin, PatchNet<double>* nets,

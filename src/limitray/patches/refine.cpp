@@ -21,6 +21,7 @@
 
 #include "limitray/patches/bspline.h"
 #include "limitray/patches/face_groups.h"
+#include "limitray/patches/memory_budget.h"
 #include "limitray/patches/patch_recipe.h"
 #include "limitray/patches/recorded_stencils.h"
 
@@ -368,12 +369,15 @@ std::vector<PatchRecipe> make_recipes(const ControlCage& cage, const Primvar* fa
   if (options.isolation_level < 1 || options.isolation_level > deepest_level)
     throw std::invalid_argument("isolation_level: must be 1 to 10, got " +
                                 std::to_string(options.isolation_level));
-  const FaceGroups groups(cage);
-  const Sdc::Options scheme = scheme_options(cage);
   const Levels levels = levels_for(cage, options.isolation_level);
+  const FaceGroups groups(cage, levels.sharp);
+  const Sdc::Options scheme = scheme_options(cage);
+  MemoryBudget budget(options.memory_limit, groups.size(), options.isolation_level);
   std::vector<PatchRecipe> recipes(groups.size());
   tbb::parallel_for(std::size_t{0}, groups.size(), [&](std::size_t i) {
+    if (options.stop) options.stop();
     recipes[i] = refine_group(groups.make(i), face_varying, scheme, levels);
+    budget.add(recipes[i]);
   });
   return recipes;
 }

@@ -5,6 +5,8 @@
 // semi-sharp creases as exact Bezier pieces (same paper, section 5).
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <memory>
 #include <span>
 
@@ -20,6 +22,10 @@ struct RefineOptions {
   /// level ceil(sharpness) if that is deeper. A cage that has any is isolated to level 2 at least,
   /// and with Chaikin's rule its smooth features go as deep as its creases.
   int isolation_level = 4;
+  /// Bytes that all patches may need while a mesh is made; 0: what the machine has free.
+  std::size_t memory_limit = 0;
+  /// Called often during refinement, from any of its threads; an exception ends it.
+  std::function<void()> stop = nullptr;
 };
 
 /// The topology of a cage, refined once; makes patches for any positions of its points. Patches
@@ -27,7 +33,8 @@ struct RefineOptions {
 /// an inner vertex of two faces where one infinitely sharp crease ends: these leave a gap.
 class Refiner {
  public:
-  /// Refines the topology. Throws std::invalid_argument if the cage cannot be refined.
+  /// Refines the topology. Throws std::invalid_argument if the cage cannot be refined, OutOfMemory
+  /// (memory.h) as soon as it is clear that the patches, and the tree over them, won't fit.
   Refiner(const ControlCage& cage, const RefineOptions& options);
   /// The same for a face-varying primvar of `cage`: OpenSubdiv's face-varying patches under the
   /// cage's linear interpolation rule (any but `all`, whose surface is bilinear). Its "points" are

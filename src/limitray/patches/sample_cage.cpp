@@ -12,7 +12,7 @@
 namespace limitray {
 namespace {
 
-constexpr std::size_t vertices_a_kind = 3, kinds_at_most = 10;
+constexpr std::size_t vertices_a_kind = 3, kinds_at_most = 16;
 constexpr std::int32_t faces_a_vertex = 2;
 
 /// What is counted at a vertex in passes over the corners.
@@ -20,7 +20,8 @@ struct Vertex {
   Vec3d normal{};       // sum over the faces
   double heights = 0;   // sum of squares over the neighbours, corner by corner
   std::int32_t faces = 0, sharp_edges = 0, sides = 4;  // sides: of a face that is no quad
-  std::uint32_t neighbours = 0;  // hashes of all neighbours at all corners, by exclusive or
+  // Hashes of the next vertices less those of the previous ones: 0 where the faces close.
+  std::uint32_t neighbours = 0;
   bool sharp = false;
 
   bool on_boundary() const { return neighbours != 0; }
@@ -53,7 +54,7 @@ std::vector<Vertex> inspect_vertices(const ControlCage& cage) {
     Vertex& vertex = vertices[v];
     const Vec3d p = cage.points[v];
     vertex.normal = vertex.normal + cross(cage.points[next] - p, cage.points[previous] - p);
-    vertex.neighbours ^= hash(next) ^ hash(previous);
+    vertex.neighbours += hash(next) - hash(previous);
     ++vertex.faces;
     if (cage.face_vertex_counts[face] != 4) vertex.sides = cage.face_vertex_counts[face];
   });
@@ -80,14 +81,17 @@ std::vector<Vertex> inspect_vertices(const ControlCage& cage) {
   return vertices;
 }
 
-/// Certainly without a Gregory patch: inside with four quads, or on a boundary with one or two.
-bool is_regular(const Vertex& v) {
+/// Without a Gregory patch: inside with four quads, or on a boundary with two, or one in a corner.
+bool is_regular(const Vertex& v, InterpolateBoundary rule) {
   if (v.sides != 4 || v.sharp || v.sharp_edges > 0) return false;
-  return v.on_boundary() ? v.faces <= 2 : v.faces == 4;
+  if (!v.on_boundary()) return v.faces == 4;
+  return v.faces == 2 || (v.faces == 1 && rule == InterpolateBoundary::edge_and_corner);
 }
 
-/// The roughest vertices of each kind, the kinds in order of their roughest one.
-std::vector<std::int32_t> choose_vertices(const std::vector<Vertex>& vertices) {
+/// The kind of each chosen vertex, else -1: the roughest of each kind are chosen, the kinds in order
+/// of their roughest one.
+std::vector<std::int32_t> choose_vertices(const ControlCage& cage,
+                                          const std::vector<Vertex>& vertices) {
   using Kind = std::array<std::int32_t, 5>;
   std::map<Kind, std::vector<std::int32_t>> kinds;
   const auto rougher = [&](std::int32_t a, std::int32_t b) {
@@ -96,7 +100,7 @@ std::vector<std::int32_t> choose_vertices(const std::vector<Vertex>& vertices) {
   };
   for (std::size_t i = 0; i < vertices.size(); ++i) {
     const Vertex& v = vertices[i];
-    if (v.faces == 0 || is_regular(v)) continue;
+    if (v.faces == 0 || is_regular(v, cage.interpolate_boundary)) continue;
     std::vector<std::int32_t>& best =
         kinds[{v.faces, v.on_boundary(), std::min(v.sharp_edges, 3), v.sharp, v.sides}];
     const auto vertex = static_cast<std::int32_t>(i);
@@ -109,9 +113,9 @@ std::vector<std::int32_t> choose_vertices(const std::vector<Vertex>& vertices) {
   for (const auto& [kind, best] : kinds) ordered.push_back(best);
   std::stable_sort(ordered.begin(), ordered.end(),
                    [&](const auto& a, const auto& b) { return rougher(a[0], b[0]); });
-  std::vector<std::int32_t> chosen;
+  std::vector<std::int32_t> chosen(vertices.size(), -1);
   for (std::size_t k = 0; k < std::min(ordered.size(), kinds_at_most); ++k)
-    chosen.insert(chosen.end(), ordered[k].begin(), ordered[k].end());
+    for (const std::int32_t vertex : ordered[k]) chosen[vertex] = static_cast<std::int32_t>(k);
   return chosen;
 }
 
@@ -134,13 +138,13 @@ std::vector<bool> vertices_of(const ControlCage& cage, const std::vector<bool>& 
 
 /// For each vertex of `chosen` some of its faces, evenly spread over the order of the faces.
 std::vector<bool> choose_faces(const ControlCage& cage, const std::vector<Vertex>& vertices,
-                               const std::vector<bool>& chosen) {
+                               const std::vector<std::int32_t>& chosen) {
   std::vector<bool> hole(cage.face_count()), faces(cage.face_count());
   for (const std::int32_t face : cage.hole_indices) hole[face] = true;
   std::map<std::int32_t, std::int32_t> seen;  // faces met so far at the chosen vertices
   for_each_corner(cage, [&](std::int32_t face, std::int32_t v, std::int32_t, std::int32_t) {
-    if (!chosen[v]) return;
-    const std::int32_t stride = std::max<std::int32_t>(1, vertices[v].faces / faces_a_vertex);
+    if (chosen[v] < 0) return;
+    const std::int32_t stride = std::max<std::int32_t>(1, vertices[v].faces / (faces_a_vertex + vertices[v].faces / 12));
     if (seen[v]++ % stride == 0 && !hole[face]) faces[face] = true;
   });
   return faces;
@@ -148,7 +152,8 @@ std::vector<bool> choose_faces(const ControlCage& cage, const std::vector<Vertex
 
 /// The faces `kept` of `cage` with their tags; those that are not `open` become holes.
 SampleCage extract(const ControlCage& cage, const std::vector<bool>& kept,
-                   const std::vector<bool>& open, const std::vector<bool>& chosen) {
+                   const std::vector<bool>& open,
+                   const std::vector<std::int32_t>& chosen) {
   SampleCage sample;
   ControlCage& part = sample.cage;
   part.interpolate_boundary = cage.interpolate_boundary;
@@ -169,7 +174,7 @@ SampleCage extract(const ControlCage& cage, const std::vector<bool>& kept,
       if (number[v] < 0) {
         number[v] = static_cast<std::int32_t>(part.points.size());
         part.points.push_back(cage.points[v]);
-        sample.chosen_points.push_back(chosen[v]);
+        sample.kinds.push_back(chosen[v]);
       }
       part.face_vertex_indices.push_back(number[v]);
     }
@@ -194,8 +199,7 @@ SampleCage extract(const ControlCage& cage, const std::vector<bool>& kept,
 
 SampleCage sample_cage(const ControlCage& cage) {
   const std::vector<Vertex> vertices = inspect_vertices(cage);
-  std::vector<bool> chosen(cage.points.size());
-  for (const std::int32_t v : choose_vertices(vertices)) chosen[v] = true;
+  const std::vector<std::int32_t> chosen = choose_vertices(cage, vertices);
   const std::vector<bool> open = choose_faces(cage, vertices, chosen);
   if (std::find(open.begin(), open.end(), true) == open.end()) return {};
   std::vector<bool> kept = open;

@@ -2,6 +2,7 @@
 // patches are probably farthest from the limit, with all that their surface depends on.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "limitray/cage/cage.h"
@@ -11,8 +12,9 @@ namespace limitray {
 /// A few faces of a cage and the two rings of faces around them; the rings are holes, so that only
 /// the chosen faces have a surface. It is the same surface as in the whole cage.
 struct SampleCage {
-  ControlCage cage;                 // no faces if no vertex and no face can be irregular
-  std::vector<bool> chosen_points;  // one a point: the vertices that the faces were chosen for
+  ControlCage cage;  // no faces if no vertex and no face can be irregular
+  /// One a point: the kind (counted from 0) of a vertex that faces were chosen for, else -1.
+  std::vector<std::int32_t> kinds;
 };
 
 /// Chosen are, of each kind of irregular vertex (by faces, boundary, sharp edges, and the sides of a

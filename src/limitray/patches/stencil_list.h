@@ -2,6 +2,7 @@
 // level by level, and the points of Gregory patches.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <unordered_map>
@@ -20,6 +21,10 @@ class StencilList {
   /// Appends the points to `points`, which holds all sources so far.
   void apply(std::vector<Vec3d>& points) const;
   std::size_t size() const { return mask_of_point_.size(); }
+  std::size_t bytes() const {
+    return 4 * (mask_of_point_.size() + sources_.size() + mask_begin_.size()) +
+           sizeof(double) * weights_.size();
+  }
   /// Frees what only `add` needs.
   void finish();
 
