@@ -52,10 +52,12 @@ class Bench:
             command += ["--rays", self.arguments.rays, "--rounds", str(self.arguments.rounds)]
             command += ["--tracers", ",".join(tracers), "--json", str(file)]
             environment = os.environ | ({"LIMITRAY_ISA": isa} if isa else {})
-            print(f"tables: {name}, load {os.getloadavg()[0]:.1f}", file=sys.stderr)
+            load = round(os.getloadavg()[0], 1)
+            print(f"tables: {name}, load {load}", file=sys.stderr)
             subprocess.run(
                 command, check=True, env=environment, stdout=subprocess.DEVNULL, stderr=None
             )
+            file.write_text(json.dumps({**json.loads(file.read_text()), "load": load}))
         report = json.loads(file.read_text())
         self.reports.append(report)
         return report
@@ -282,6 +284,8 @@ def provenance(bench, command):
     yield f"- compiler: {machine['compiler']}, `{machine['flags']}`; Embree {machine['embree']}"
     yield f"- instruction set: {machine['isa']}, where the table does not name another"
     yield f"- commit: {commits}"
+    loads = [report["load"] for report in bench.reports]
+    yield f"- load of the machine as the runs began: {min(loads)} to {max(loads)}"
     yield f"- command: `{command}`"
     yield ""
 

@@ -146,6 +146,49 @@ def sharpness_picture(quality: Quality) -> Pixels:
     return clay(scene, camera, quality.size(960, 240), quality.spp)
 
 
+def terminator_picture(quality: Quality) -> Pixels:
+    """Low light on a ball: 192 triangles with smooth normals at the left, the surface at the right.
+
+    Both are lit by the same formula. The triangles are a subdivision surface too, one whose edges
+    are all infinitely sharp.
+    """
+    ball = lr.Mesh.from_file(REPOSITORY / "tests/cages/cube.obj")
+    triangles = ball.to_triangles(4)
+    edges = np.sort(triangles.indices[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges = np.unique(edges, axis=0)
+    normals = triangles.normals.reshape(-1, 3)
+    facets = lr.Mesh(
+        triangles.points,
+        [3] * len(triangles.indices),
+        triangles.indices.ravel(),
+        crease_indices=edges.ravel(),
+        crease_lengths=[2] * len(edges),
+        crease_sharpnesses=[10.0] * len(edges),
+        face_varying_linear_interpolation="all",
+        primvars={"normals": lr.FaceVarying(normals, np.arange(len(normals)))},
+    )
+    size = quality.size(400, 400)
+    return np.concatenate([low_light(scene_of(mesh), size) for mesh in (facets, ball)], axis=1)
+
+
+def low_light(scene: lr.Scene, size: tuple[int, int], samples: int = 3) -> Pixels:
+    """A ball under one distant light: cosine of the smooth normal, and a shadow ray."""
+    width, height = samples * size[0], samples * size[1]
+    smooth = "primvars:normals" if scene.primvar_names() else "primitive_normals"
+    rays = lr.create_rays_pinhole(22, (0, 0, 0), (2.2, 1.0, 5.2), (0, 1, 0), width, height)
+    hit = scene.cast_rays(rays, attributes=("points", "t_error", smooth))
+    found = np.isfinite(hit["t_hit"])
+    normals = hit[smooth] / np.maximum(np.linalg.norm(hit[smooth], axis=-1, keepdims=True), 1e-9)
+    light = np.array((-0.85, 0.45, 0.25)) / np.linalg.norm((-0.85, 0.45, 0.25))
+    starts = hit["points"] + 2 * hit["t_error"][..., np.newaxis] * hit["primitive_normals"]
+    shadow = np.concatenate([starts, np.broadcast_to(light, starts.shape)], axis=-1)
+    free = ~scene.test_occlusions(shadow.astype(np.float32), hit["t_error"])
+    bright = 0.05 + 0.8 * np.maximum(normals @ light, 0) * free
+    grey = np.where(found, bright, 0.75)
+    grey = grey.reshape(size[1], samples, size[0], samples).mean(axis=(1, 3))
+    return np.repeat(grey[..., np.newaxis], 3, axis=2)
+
+
 PICTURES: dict[str, Callable[[Quality], Pixels]] = {
     "demo": demo_picture,
     "gear": gear_picture,
@@ -153,6 +196,7 @@ PICTURES: dict[str, Callable[[Quality], Pixels]] = {
     "extraordinary": extraordinary_picture,
     "crease": crease_picture,
     "sharpness": sharpness_picture,
+    "terminator": terminator_picture,
 }
 
 

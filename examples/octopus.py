@@ -83,16 +83,18 @@ def _arm(b: Builder, face: int, number: int) -> None:
     centre = np.mean([b.points[v] for v in b.faces[face]], axis=0)
     heading = np.array([centre[0], 0.0, centre[2]]) / math.hypot(centre[0], centre[2])
     upward = np.array([0.0, 1.0, 0.0])
+    side = np.cross(heading, upward)
+    flat = number % 2 == 1  # curls along the ground, else up from it
     for i in range(STEPS):
         way = i / (STEPS - 1)
+        curl = 0.95 * max(0.0, way - 0.40) / 0.60
         pitch = -0.55 if i == 0 else 0.22 if 2 <= i <= 4 else 0.0
-        pitch += 0.62 * max(0.0, way - 0.42) / 0.58
-        yaw = 0.30 * math.sin(2.6 * math.pi * way + 2.1 * number)
-        side = np.cross(heading, upward)
-        side /= np.linalg.norm(side)
+        pitch += 0.04 if flat and i > 4 else 0.0 if flat else curl
+        yaw = 0.22 * math.sin(2.6 * math.pi * way + 2.1 * number) + (curl if flat else 0.0)
+        side = rotation(upward, yaw) @ side
         turn = rotation(side, pitch) @ rotation(upward, yaw)
         heading = turn @ heading
-        walls = b.extrude([face], (0.915 if i else 1.15) * turn, 0.31 * 0.955**i * heading)
+        walls = b.extrude([face], (0.915 if i else 1.15) * turn, 0.32 * 0.95**i * heading)
         for k, wall in enumerate(walls):
             t, out = ARM_T * i / STEPS, ARM_T * (i + 1) / STEPS
             left, right = k / 4, (k + 1) / 4
@@ -102,7 +104,7 @@ def _arm(b: Builder, face: int, number: int) -> None:
 
 def materials(size: int = 1024) -> tuple[list[lr.Material], list[int]]:
     """Wet skin and eyes, and which of them each face of `octopus()` has."""
-    skin = lr.Material(texture=lr.Texture(_skin(size)), roughness=0.38)
+    skin = lr.Material(texture=lr.Texture(_skin(size), "repeat", "clamp"), roughness=0.38)
     eye = lr.Material(texture=lr.Texture(_iris(256), "clamp", "clamp"), roughness=0.08)
     return [skin, eye], _build().material_numbers()
 
@@ -121,11 +123,16 @@ def _skin(size: int) -> NDArray[np.float32]:
     """Linear colours (size, size, 3): a mottled head above, arms with two rows of suckers below."""
     t, s = np.meshgrid(1 - (np.arange(size) + 0.5) / size, (np.arange(size) + 0.5) / size,
                        indexing="ij")  # fmt: skip
-    coarse, fine, grain = (_noise(size, cells, cells) for cells in (7, 26, 90))
+    # An arm is nine times as long as it is thick; fields repeat along it.
+    stretched = np.where(t[:, 0] < ARM_T, 9 * t[:, 0], t[:, 0]) % 1
+    lines = (size * stretched).astype(int)
+    coarse, fine, grain = (_noise(size, cells, cells)[lines] for cells in (7, 26, 90))
     dark, warm, pale = (np.array(c) for c in ((0.20, 0.02, 0.015), (0.62, 0.11, 0.035),
                                               (0.85, 0.50, 0.28)))  # fmt: skip
     mottle = np.clip(1.6 * (0.55 * coarse + 0.30 * fine + 0.15 * grain) - 0.30, 0, 1)
-    spots = np.clip(9 * (fine - 0.66), 0, 1) * np.clip(4 * (t - 0.55), 0, 1)
+    crown = np.clip(12 * (1 - t) - 0.25, 0, 1)  # the image has no detail at its upper end
+    mottle = 0.6 + crown * (mottle - 0.6)
+    spots = np.clip(9 * (fine - 0.66), 0, 1) * np.where(t < ARM_T, 0.35, 1) * crown
     skin = dark + mottle[..., np.newaxis] * (warm - dark)
     skin += 0.75 * spots[..., np.newaxis] * (pale - skin)
     below = np.where(t < ARM_T, np.clip(1.6 - 9 * np.abs(s - 0.625), 0, 1), 0)

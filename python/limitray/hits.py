@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limitray.material import BASE_COLOR_ATTRIBUTES, CLAY, Footprint, base_colors, rough_parameters
+from limitray.material import CLAY, FOOTPRINT_ATTRIBUTES, PLACE_ATTRIBUTES, finish
 from limitray.scene import Scene
 from limitray.vectors import Array, Mask, Rows, column, dot, pick, rows
 
@@ -92,10 +92,13 @@ class Hits:
 def cast(scene: Scene, rays: Rays, beyond: Array | None = None) -> Hits:
     """The closest hits; with `beyond` (n,), only those nearer than that."""
     tfar = np.inf if beyond is None else beyond
-    names = ("points", "t_error", *(() if scene.is_plain else BASE_COLOR_ATTRIBUTES))
+    names: tuple[str, ...] = ("points", "t_error")
+    if not scene.is_plain:
+        names += PLACE_ATTRIBUTES + (() if rays.spread is None else FOOTPRINT_ATTRIBUTES)
     answers = scene.cast_rays(rays.packed(), rays.tnear, tfar, names)
     found = np.flatnonzero(np.isfinite(answers["t_hit"]))
-    answers = {name: values[found] for name, values in answers.items()}
+    if len(found) < len(rays.pixels):
+        answers = {name: np.take(values, found, axis=0) for name, values in answers.items()}
     outward = rows(answers["primitive_normals"])
     return Hits(
         rays=rays,
@@ -124,9 +127,15 @@ def _surface(
     if not scene.has_materials:
         clay = np.broadcast_to(column(CLAY), (3, count))
         return Surface(normals, clay, zeros, zeros, zeros)
-    footprint = None
+    differentials = None
     if rays.spread is not None and not scene.is_plain:
-        spread = (d[:, found].T.astype(np.float64) for d in rays.spread)
-        footprint = Footprint.of_rays(answers, directions.T.astype(np.float64), *spread)
-    colors = rows(base_colors(scene, answers, footprint))
-    return Surface(normals, colors, *rough_parameters(scene, answers))
+        across, down = (pick(d, found).T.astype(np.float64) for d in rays.spread)
+        differentials = directions.T.astype(np.float64), across, down
+    found_finish = finish(scene, answers, differentials)
+    return Surface(
+        normals,
+        rows(found_finish.colors),
+        found_finish.roughness,
+        found_finish.metallic,
+        found_finish.reflectance,
+    )

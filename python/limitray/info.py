@@ -86,9 +86,7 @@ def mesh_info(
     }
 
 
-def _patch_info(
-    mesh: Mesh, isolation_level: int | None, tolerance: float | None
-) -> dict[str, Any]:
+def _patch_info(mesh: Mesh, isolation_level: int | None, tolerance: float | None) -> dict[str, Any]:
     scene = Scene()
     counted = scene.mesh_statistics(scene.add_mesh(mesh, isolation_level, tolerance=tolerance))
     by_level = {str(level): n for level, n in enumerate(counted["patches_by_level"]) if n}

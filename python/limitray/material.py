@@ -96,60 +96,79 @@ class Footprint:
         """
         normals = hits["primitive_normals"].astype(np.float64)
         t = hits["t_hit"].astype(np.float64)[:, np.newaxis]
-        facing = (directions * normals).sum(axis=1, keepdims=True)
+        facing = _dot(directions, normals)
         with np.errstate(divide="ignore", invalid="ignore"):
             moved = [
-                t * (d - directions * ((d * normals).sum(axis=1, keepdims=True) / facing))
-                for d in (d_dx, d_dy)
+                t * (d - directions * (_dot(d, normals) / facing)[:, np.newaxis])
+                for d in (np.broadcast_to(d, normals.shape) for d in (d_dx, d_dy))
             ]
         return cls(*(np.nan_to_num(m, nan=0.0, posinf=0.0, neginf=0.0) for m in moved))
 
     def parameters(self, hits: dict[str, NDArray[Any]]) -> tuple[Array, Array]:
         """The same as differences of (u, v), each (n, 2): least squares on dp_du and dp_dv."""
         p_u, p_v = (hits[name].astype(np.float64) for name in ("dp_du", "dp_dv"))
-        uu, uv, vv = ((a * b).sum(axis=1) for a, b in ((p_u, p_u), (p_u, p_v), (p_v, p_v)))
+        uu, uv, vv = _dot(p_u, p_u), _dot(p_u, p_v), _dot(p_v, p_v)
         determinant = uu * vv - uv * uv
         safe = np.where(determinant > 0, determinant, np.inf)
         found = []
         for moved in (self.d_dx, self.d_dy):
-            a, b = (p_u * moved).sum(axis=1), (p_v * moved).sum(axis=1)
+            a, b = _dot(p_u, moved), _dot(p_v, moved)
             found.append(np.stack([(vv * a - uv * b) / safe, (uu * b - uv * a) / safe], axis=1))
         return found[0], found[1]
 
 
-BASE_COLOR_ATTRIBUTES = ("sub_quads", "dp_du", "dp_dv")
-"""What `base_colors` wants of `Scene.cast_rays` besides the usual, unless materials are plain."""
+def _dot(a: Array, b: Array) -> Array:
+    """Scalar products (n,) of vectors (n, 3)."""
+    return np.asarray(np.einsum("ij,ij->i", a, b))
 
 
-def base_colors(
-    scene: Scene, hits: dict[str, NDArray[Any]], footprint: Footprint | None = None
-) -> Array:
-    """Linear base colours (n, 3) at hits of the scene.
+PLACE_ATTRIBUTES, FOOTPRINT_ATTRIBUTES = ("sub_quads",), ("dp_du", "dp_dv")
+"""What colours want of `Scene.cast_rays` unless they are plain; more where they are filtered."""
 
-    `hits` are answers of `Scene.cast_rays` with BASE_COLOR_ATTRIBUTES, without misses, one row
-    each. Without a footprint textures are not filtered.
+
+@dataclass(frozen=True)
+class Finish:
+    """What surfaces are made of at n places.
+
+    `colors` (n, 3) are linear; `roughness` (n,) is 0 for plain diffuse ones; `reflectance` (n,) is
+    that of a dielectric at normal incidence.
     """
-    colours = np.empty((len(hits["t_hit"]), 3))
-    for material, here in _materials(scene, hits):
-        if material.is_plain:
-            colours[here] = material.base_color
-            continue
-        part = {name: values[here] for name, values in hits.items()}
-        spread = footprint and Footprint(footprint.d_dx[here], footprint.d_dy[here])
-        colours[here] = _colors(scene, material, part, spread)
-    return colours
+
+    colors: Array
+    roughness: NDArray[np.float32]
+    metallic: NDArray[np.float32]
+    reflectance: NDArray[np.float32]
 
 
-def rough_parameters(
-    scene: Scene, hits: dict[str, NDArray[Any]]
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Roughness (0: plain diffuse), metallic, and reflectance at normal incidence, each (n,)."""
-    roughness, metallic, reflectance = np.zeros((3, len(hits["t_hit"])), np.float32)
+def base_colors(scene: Scene, hits: dict[str, NDArray[Any]]) -> Array:
+    """Linear base colours (n, 3) at hits of the scene, textures not filtered; see `finish`."""
+    return finish(scene, hits).colors
+
+
+def finish(
+    scene: Scene, hits: dict[str, NDArray[Any]], rays: tuple[Array, Array, Array] | None = None
+) -> Finish:
+    """The materials at hits of the scene.
+
+    `hits` are answers of `Scene.cast_rays` with PLACE_ATTRIBUTES, without misses, one row each.
+    Textures are filtered if `rays` (with FOOTPRINT_ATTRIBUTES) tell the directions (n, 3) and their
+    differences to neighbouring pixels, as `Footprint.of_rays` wants them.
+    """
+    colors = np.empty((len(hits["t_hit"]), 3))
+    roughness, metallic, reflectance = np.zeros((3, len(colors)), np.float32)
     for material, here in _materials(scene, hits):
         if material.roughness is not None:
             roughness[here], metallic[here] = material.roughness, material.metallic
             reflectance[here] = ((material.ior - 1) / (material.ior + 1)) ** 2
-    return roughness, metallic, reflectance
+        if material.is_plain:
+            colors[here] = material.base_color
+            continue
+        part = {name: np.take(values, here, axis=0) for name, values in hits.items()}
+        footprint = None
+        if rays is not None and material.texture is not None:
+            footprint = Footprint.of_rays(part, *(values[here] for values in rays))
+        colors[here] = _colors(scene, material, part, footprint)
+    return Finish(colors, roughness, metallic, reflectance)
 
 
 def _materials(
@@ -161,7 +180,7 @@ def _materials(
             yield material_set.materials[0], rows
             continue
         of_face = material_set.faces[hits["primitive_ids"][rows]]
-        for index in np.unique(of_face):
+        for index in np.flatnonzero(np.bincount(of_face)):
             yield material_set.materials[index], rows[of_face == index]
 
 

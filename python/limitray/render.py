@@ -120,15 +120,15 @@ def render(
         else:
             lighting = Lighting(sky, lights)
             background = _seen_behind(frame, lighting)
-        job = _path_job(frame, lighting, max_depth)
-    sums = np.zeros((width * height, 10))
-    counts = np.zeros((width * height, 1))
+        job = _path_job(frame, lighting, max_depth, denoise)
+    sums, counts = np.zeros((10, width * height)), np.zeros(width * height)
     layers: dict[str, NDArray[Any]] = {}
     try:
         layers = _layers(frame, aovs)
         for tile, values in run_jobs(frame, job):
-            sums[tile.pixels] += values.T
-            counts[tile.pixels] += 1
+            place = slice(int(tile.pixels[0]), int(tile.pixels[-1]) + 1)
+            sums[: len(values), place] += values
+            counts[place] += 1
             if progress is not None:
                 done = tile.index * width * height + int(tile.pixels[-1]) + 1
                 progress(done, width * height * spp)
@@ -139,14 +139,14 @@ def render(
 
 
 def _shading_job(frame: Frame, integrator: str) -> TileJob:
-    """One sample of each pixel of a tile: rows r, g, b, alpha, colour and normal: (10, n)."""
+    """One sample of each pixel of a tile: rows r, g, b, alpha (4, n)."""
 
     def job(tile: Tile, check: Callable[[], None]) -> NDArray[np.float32]:
         sampler = Sampler(frame.seed, tile.index)
         rays = frame.rays(tile.pixels, sampler.square(JITTER, tile.pixels))
         check()
         hits = cast(frame.scene, rays)
-        values = np.zeros((10, len(tile.pixels)), np.float32)
+        values = np.zeros((4, len(tile.pixels)), np.float32)
         values[:3, hits.found] = shade(integrator, frame.scene, frame.camera, hits, sampler)
         values[3, hits.found] = 1
         return values
@@ -154,14 +154,15 @@ def _shading_job(frame: Frame, integrator: str) -> TileJob:
     return job
 
 
-def _path_job(frame: Frame, lighting: Lighting, max_depth: int) -> TileJob:
-    """The same for the integrator "path"."""
+def _path_job(frame: Frame, lighting: Lighting, max_depth: int, denoise: bool) -> TileJob:
+    """The same for the integrator "path"; to denoise, then base colour and normal: (10, n)."""
 
     def job(tile: Tile, check: Callable[[], None]) -> NDArray[np.float32]:
         sampler = Sampler(frame.seed, tile.index)
         rays = frame.rays(tile.pixels, sampler.square(JITTER, tile.pixels))
         light, first = PathIntegrator(frame.scene, lighting, max_depth, check).trace(rays, sampler)
-        return np.concatenate([light, first.found[np.newaxis], first.colors, first.normals])
+        layers = [first.colors, first.normals] if denoise else []
+        return np.concatenate([light, first.found[np.newaxis], *layers])
 
     return job
 
@@ -205,7 +206,7 @@ def _image(
     layers: dict[str, NDArray[Any]],
     denoise: bool,
 ) -> Image:
-    planes = means.reshape(frame.height, frame.width, 10).astype(np.float32)
+    planes = means.T.reshape(frame.height, frame.width, 10).astype(np.float32)
     image = Image(np.ascontiguousarray(planes[..., :4]), background, layers)
     if denoise:
         albedo, normals = (np.ascontiguousarray(planes[..., k : k + 3]) for k in (4, 7))

@@ -186,7 +186,8 @@ class Scene:
     def material_sets(self, geometry_ids: ArrayLike) -> list[tuple[MaterialSet, NDArray[np.intp]]]:
         """The materials of geometry ids (n,): each set that occurs, and the rows that have it."""
         sets = np.array(self._material_set_of, np.intp)[np.asarray(geometry_ids, np.intp)]
-        return [(self._material_sets[k], np.flatnonzero(sets == k)) for k in np.unique(sets)]
+        present = np.flatnonzero(np.bincount(sets))
+        return [(self._material_sets[k], np.flatnonzero(sets == k)) for k in present]
 
     @property
     def has_materials(self) -> bool:

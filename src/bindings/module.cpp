@@ -3,6 +3,7 @@
 #include "bind.h"
 
 NB_MODULE(_core, module) {
+  nanobind::set_leak_warnings(false);  // caches of a user's program may outlive the interpreter
   module.doc() = "Private C++ core of limitray; use the package limitray.";
   limitray::bindings::bind_cage(module);
   limitray::bindings::bind_limit(module);

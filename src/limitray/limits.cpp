@@ -25,16 +25,16 @@ void check_extent(const ControlCage& cage, std::span<const Vec3d> points) {
     for (int axis = 0; axis < 3; ++axis) {
       const double x = points[vertex][axis];
       if (!(std::abs(x) <= largest_coordinate))
-        fail("points[", vertex, "][", axis, "]: must be within ", largest_coordinate,
-             " of 0, got ", x, "; scale the cage down");
+        fail("points[", vertex, "][", axis, "]: must be within ", largest_coordinate, " of 0, got ",
+             x, "; scale the cage down");
       low[axis] = std::min(low[axis], x);
       high[axis] = std::max(high[axis], x);
     }
   }
   const double extent = std::max({high.x - low.x, high.y - low.y, high.z - low.z}) / 2;
   if (extent > 0 && extent < smallest_extent)
-    fail("points: must reach at least ", smallest_extent, " from their centre, or be one point, got ",
-         extent, "; scale the cage up");
+    fail("points: must reach at least ", smallest_extent,
+         " from their centre, or be one point, got ", extent, "; scale the cage up");
 }
 
 void check_placed(const std::array<Vec3d, 2>& bounds) {

@@ -18,8 +18,8 @@ class OutOfMemory : public std::bad_alloc {
   std::string message_;
 };
 
-/// Bytes that this process may still take: what the system has available, less where a control group
-/// or RLIMIT_AS allows less. The largest std::size_t where that is unknown.
+/// Bytes that this process may still take: what the system has available, less where a control
+/// group or RLIMIT_AS allows less. The largest std::size_t where that is unknown.
 std::size_t free_memory();
 
 }  // namespace limitray

@@ -12,6 +12,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "limitray/arguments.h"
 #include "limitray/geometry.h"
 #include "limitray/limits.h"
 #include "limitray/patches/gregory_error.h"
@@ -21,52 +22,6 @@ namespace {
 
 double seconds_since(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-void check_points(std::span<const Vec3d> points, std::size_t expected) {
-  if (points.size() != expected)
-    throw std::invalid_argument("points: must have " + std::to_string(expected) +
-                                " rows like the mesh, got " + std::to_string(points.size()));
-  for (std::size_t i = 0; i < points.size(); ++i)
-    if (!std::isfinite(points[i].x) || !std::isfinite(points[i].y) || !std::isfinite(points[i].z))
-      throw std::invalid_argument("points[" + std::to_string(i) + "]: must be finite");
-}
-
-/// Inverse of an affine map. Throws if it has none.
-Affine inverse(const Affine& a) {
-  const auto& m = a.linear;
-  const Vec3d c0 = cross(m[1], m[2]), c1 = cross(m[2], m[0]), c2 = cross(m[0], m[1]);
-  const double det = dot(m[0], c0);
-  Affine r;
-  r.linear = {Vec3d{c0.x, c1.x, c2.x}, Vec3d{c0.y, c1.y, c2.y}, Vec3d{c0.z, c1.z, c2.z}};
-  for (Vec3d& row : r.linear) row = (1 / det) * row;
-  r.offset = -1.0 * r.vector(a.offset);
-  const double check = length(r.linear[0]) + length(r.linear[1]) + length(r.linear[2]);
-  if (!std::isfinite(check) || !std::isfinite(length(r.offset)))
-    throw std::invalid_argument("transform: must be finite and invertible, determinant is " +
-                                std::to_string(det));
-  return r;
-}
-bool is_identity(const Affine& a) {
-  for (int i = 0; i < 3; ++i) {
-    if (a.offset[i] != 0) return false;
-    for (int j = 0; j < 3; ++j)
-      if (a.linear[std::size_t(i)][j] != (i == j ? 1 : 0)) return false;
-  }
-  return true;
-}
-
-void check_options(const MeshOptions& options) {
-  if (options.isolation_level < 0 || options.isolation_level > 10)
-    throw std::invalid_argument("isolation_level: must be 1 to 10, or 0 to choose it, got " +
-                                std::to_string(options.isolation_level));
-  if (!(options.tolerance > 0))
-    throw std::invalid_argument("tolerance: must be above 0, got " +
-                                std::to_string(options.tolerance));
-}
-/// What the default tolerance may cost is limited; who asks for less gets it.
-int highest_chosen_level(const MeshOptions& options) {
-  return options.tolerance < default_tolerance ? 10 : 6;
 }
 
 /// Adds up the work of one block of rays.
@@ -80,21 +35,6 @@ void add(Statistics& sum, const Statistics& s) {
   sum.newton_runs += s.newton_runs;
   sum.newton_steps += s.newton_steps;
   sum.unresolved += s.unresolved;
-}
-
-template <class T>
-void check_batch(const RayBatch<T>& rays) {
-  const std::size_t n = rays.size();
-  if (rays.rays.size() != 6 * n)
-    throw std::invalid_argument("rays: must have 6 values a ray, got " +
-                                std::to_string(rays.rays.size()) + " values");
-  const auto check = [n](std::size_t got, const char* name) {
-    if (got != n && got != 1)
-      throw std::invalid_argument(std::string(name) + ": must have one value, or one a ray (" +
-                                  std::to_string(n) + "), got " + std::to_string(got));
-  };
-  check(rays.tnear.size(), "tnear");
-  check(rays.tfar.size(), "tfar");
 }
 
 /// Intersections of one ray, sorted by t; what a shared border reported twice is counted once: same
@@ -257,10 +197,10 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
   check_extent(cage, cage.points);
   state_->arena.execute([&] {
     stop();
-    const int level = options.isolation_level != 0
-                          ? options.isolation_level
-                          : choose_level(cage, options.tolerance, highest_chosen_level(options))
-                                .isolation_level;
+    const int level =
+        options.isolation_level != 0
+            ? options.isolation_level
+            : choose_level(cage, options.tolerance, highest_chosen_level(options)).isolation_level;
     auto g = std::make_unique<Geometry>(std::move(cage),
                                         RefineOptions{level, options.memory_limit, stop});
     stop();

@@ -138,8 +138,8 @@ class Scene {
   Scene& operator=(Scene&&) noexcept;
 
   /// Adds a cage (validated here; throws std::invalid_argument). Returns its geometry id. Throws
-  /// OutOfMemory (memory.h) if its patches need more than there is; after any exception the scene is
-  /// as it was.
+  /// OutOfMemory (memory.h) if its patches need more than there is; after any exception the scene
+  /// is as it was.
   std::uint32_t add_mesh(ControlCage cage, const MeshOptions& options = {},
                          Progress* progress = nullptr);
   /// Adds geometry `geometry_id` again under another transform; costs no patches.

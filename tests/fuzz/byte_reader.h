@@ -1,4 +1,5 @@
-// Test data out of a fuzzer's bytes: numbers taken one after the other, zeros once they are used up.
+// Test data out of a fuzzer's bytes: numbers taken one after the other, zeros once they are used
+// up.
 #pragma once
 
 #include <cstddef>

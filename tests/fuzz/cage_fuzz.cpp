@@ -51,12 +51,20 @@ struct Answers {
   std::vector<std::uint32_t> geometry, face, sub_quad, patch;
 
   explicit Answers(std::size_t n)
-      : t(n), t_error(n), uv(2 * n), normal(3 * n), point(3 * n), dp_du(3 * n), dp_dv(3 * n),
-        geometry(n), face(n), sub_quad(n), patch(n) {}
+      : t(n),
+        t_error(n),
+        uv(2 * n),
+        normal(3 * n),
+        point(3 * n),
+        dp_du(3 * n),
+        dp_dv(3 * n),
+        geometry(n),
+        face(n),
+        sub_quad(n),
+        patch(n) {}
   HitArrays<T> arrays() {
-    return {t.data(),     t_error.data(), geometry.data(), face.data(),  sub_quad.data(),
-            patch.data(), uv.data(),      normal.data(),   point.data(), dp_du.data(),
-            dp_dv.data()};
+    return {t.data(),  t_error.data(), geometry.data(), face.data(),  sub_quad.data(), patch.data(),
+            uv.data(), normal.data(),  point.data(),    dp_du.data(), dp_dv.data()};
   }
 };
 
@@ -145,7 +153,7 @@ void check_primvar(const Scene& scene, const ControlCage& cage) {
 
 void run(ByteReader bytes) {
   MeshOptions options;
-  options.isolation_level = 1 + bytes.below(5);
+  options.isolation_level = bytes.below(6);  // 0: chosen
   const bool newton = bytes.below(8) != 0;
   const ControlCage cage = take_cage(bytes);
   Scene scene(1);

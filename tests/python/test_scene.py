@@ -148,9 +148,7 @@ def test_wrong_arguments_are_named(arguments, message):
 
 
 def test_construction_is_checked():
-    with pytest.raises(ValueError, match=r'device "gpu" is not available.*"cpu"'):
-        lr.Scene(device="gpu")
-    with pytest.raises(ValueError, match="device must be one of cpu, not 'tpu'"):
+    with pytest.raises(ValueError, match=r"device must be one of cpu, .*, not 'tpu'"):
         lr.Scene(device="tpu")
     with pytest.raises(ValueError, match="threads must be an integer >= 0, not -1"):
         lr.Scene(threads=-1)

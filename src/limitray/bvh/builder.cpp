@@ -85,7 +85,7 @@ void flatten(const BuildNode& from, std::uint32_t index, int depth, Bvh& out) {
 /// Embree's device is made once: it starts threads.
 RTCDevice device() {
   static const std::unique_ptr<RTCDeviceTy, void (*)(RTCDevice)> d(rtcNewDevice(nullptr),
-                                                                  rtcReleaseDevice);
+                                                                   rtcReleaseDevice);
   if (!d) throw std::runtime_error("build_bvh: Embree could not make a device");
   return d.get();
 }

@@ -73,10 +73,10 @@ Quad<T> peak_weight(const Quad<T>& lo, const Quad<T>& hi) {
 template <class T>
 FrozenBlend<T> freeze_blend(T s0, T t0, T ds, T dt) {
   const T s1 = s0 + ds, t1 = t0 + dt;
-  const auto [a_lo, b_lo] = CornerDistances<T>{quad<T>(s0, 1 - s1, 1 - s1, s0),
-                                               quad<T>(t0, t0, 1 - t1, 1 - t1)};
-  const auto [a_hi, b_hi] = CornerDistances<T>{quad<T>(s1, 1 - s0, 1 - s0, s1),
-                                               quad<T>(t1, t1, 1 - t0, 1 - t0)};
+  const auto [a_lo, b_lo] =
+      CornerDistances<T>{quad<T>(s0, 1 - s1, 1 - s1, s0), quad<T>(t0, t0, 1 - t1, 1 - t1)};
+  const auto [a_hi, b_hi] =
+      CornerDistances<T>{quad<T>(s1, 1 - s0, 1 - s0, s1), quad<T>(t1, t1, 1 - t0, 1 - t0)};
   // (a-b)/(a+b) grows with a and falls with b; both sums are positive.
   const Quad<T> lo = (a_lo - b_hi) / (a_lo + b_hi), hi = (a_hi - b_lo) / (a_hi + b_lo);
   // 32 u of slack cover the rounding of lo, hi and mid (8 u) and of the peak weights (12 u).

@@ -1,6 +1,8 @@
 // Stage: patches (S0). See gregory_error.h.
 #include "limitray/patches/gregory_error.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
@@ -24,7 +26,7 @@ constexpr double margin = 2;
 constexpr double places[][2] = {{0.5, 0},  {0, 0.5},  {0.25, 0},  {0, 0.25},
                                 {0.12, 0}, {0, 0.12}, {0.6, 0.6}, {0.3, 0.3}};
 /// Places where all patches are compared to find the worst ones, which are measured.
-constexpr std::size_t places_to_rank = 2, worst_of_all = 2, measured_at_most = 16;
+constexpr std::size_t places_to_rank = 2, worst_of_all = 2, measured_at_most = 10;
 constexpr std::int32_t patches_a_centre = 3;  // of those around the middle of a face
 
 Vec3d evaluate(const PatchBuffer<double>& patches, std::size_t i, double s, double t) {
@@ -71,9 +73,9 @@ double distance(const LimitEvaluator& limit, const PatchPoint& p) {
   const double x = dot(r, q.dp_du), y = dot(r, q.dp_dv), det = uu * vv - uv * uv;
   const double along_normal = std::abs(dot(r, q.normal));
   if (!(det > 1e-12 * uu * vv)) return along_normal;
-  const LimitSample foot = limit.evaluate(
-      p.face, p.sub_quad, std::clamp(p.u + (vv * x - uv * y) / det, 0.0, 1.0),
-      std::clamp(p.v + (uu * y - uv * x) / det, 0.0, 1.0));
+  const LimitSample foot =
+      limit.evaluate(p.face, p.sub_quad, std::clamp(p.u + (vv * x - uv * y) / det, 0.0, 1.0),
+                     std::clamp(p.v + (uu * y - uv * x) / det, 0.0, 1.0));
   const Vec3d from_foot = p.point - foot.point;
   return length(from_foot) < length(r) ? std::abs(dot(from_foot, foot.normal)) : along_normal;
 }
@@ -114,7 +116,8 @@ class Sample {
     // Only the faces that are measured are refined from now on.
     part.hole_indices.clear();
     for (std::uint32_t face = 0; face < part.face_count(); ++face)
-      if (std::none_of(corners_.begin(), corners_.end(), [&](const auto& c) { return c.face == face; }))
+      if (std::none_of(corners_.begin(), corners_.end(),
+                       [&](const auto& c) { return c.face == face; }))
         part.hole_indices.push_back(static_cast<std::int32_t>(face));
   }
 
@@ -123,14 +126,15 @@ class Sample {
     if (corners_.empty()) return 0;
     const PatchBuffer<double> patches =
         Refiner(sample_.cage, {level}).make_patches(sample_.cage.points);
-    double largest = 0;
-    for (std::size_t i = 0; i < patches.size(); ++i) {
-      if (patches.infos[i].bump == no_bump) continue;
-      if (std::find(corners_.begin(), corners_.end(), corner_of(patches.infos[i])) == corners_.end())
-        continue;
+    std::vector<double> errors(patches.size());
+    tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
+      if (patches.infos[i].bump == no_bump) return;
+      const QuadCorner corner = corner_of(patches.infos[i]);
+      if (std::find(corners_.begin(), corners_.end(), corner) == corners_.end()) return;
       for (const auto& place : places)
-        largest = std::max(largest, distance(*limit_, point_at(patches, i, place)));
-    }
+        errors[i] = std::max(errors[i], distance(*limit_, point_at(patches, i, place)));
+    });
+    const double largest = *std::max_element(errors.begin(), errors.end());
     return margin * largest / size_;
   }
 
@@ -160,16 +164,20 @@ class Sample {
     const PatchBuffer<double> patches =
         Refiner(sample_.cage, {lowest_chosen_level}).make_patches(sample_.cage.points);
     std::vector<Candidate> candidates;
+    std::vector<std::size_t> patch_of;
     for (std::size_t i = 0; i < patches.size(); ++i) {
       if (patches.infos[i].bump == no_bump) continue;
       const QuadCorner corner = corner_of(patches.infos[i]);
       const std::optional<std::int32_t> kind = kind_of(corner);
       if (!kind) continue;
-      double error = 0;
-      for (std::size_t k = 0; k < places_to_rank; ++k)
-        error = std::max(error, rough_distance(*limit_, point_at(patches, i, places[k])));
-      candidates.push_back({error, corner, *kind});
+      candidates.push_back({0, corner, *kind});
+      patch_of.push_back(i);
     }
+    tbb::parallel_for(std::size_t{0}, candidates.size(), [&](std::size_t i) {
+      double& error = candidates[i].error;
+      for (std::size_t k = 0; k < places_to_rank; ++k)
+        error = std::max(error, rough_distance(*limit_, point_at(patches, patch_of[i], places[k])));
+    });
     std::stable_sort(candidates.begin(), candidates.end(),
                      [](const auto& a, const auto& b) { return a.error > b.error; });
     std::vector<std::int32_t> kinds;

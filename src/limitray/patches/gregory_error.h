@@ -19,9 +19,9 @@ struct LevelChoice {
   double error = 0;  // as gregory_error gives it at that level
 };
 
-/// Estimated bound on the distance of the surface at `isolation_level` from the true limit, in units
-/// of the longest side of the box around the points that faces use. 0 where no patch is a Gregory
-/// patch. `cage` must be valid. Deterministic.
+/// Estimated bound on the distance of the surface at `isolation_level` from the true limit, in
+/// units of the longest side of the box around the points that faces use. 0 where no patch is a
+/// Gregory patch. `cage` must be valid. Deterministic.
 double gregory_error(const ControlCage& cage, int isolation_level);
 
 /// The lowest level from lowest_chosen_level to `highest` with an error of at most `tolerance`;

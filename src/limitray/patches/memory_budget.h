@@ -1,5 +1,5 @@
-// Stage: patches (S0). Comes in: the recipes of groups of faces as they are made. Goes out: an error
-// as soon as it is clear that the patches of all groups won't fit in memory.
+// Stage: patches (S0). Comes in: the recipes of groups of faces as they are made. Goes out: an
+// error as soon as it is clear that the patches of all groups won't fit in memory.
 #pragma once
 
 #include <atomic>

@@ -55,8 +55,8 @@ struct alignas(16) PatchBump {
   T c[3][4];
 };
 
-/// First order model of a patch about its middle (1/2,1/2), and how far the patch is from it: what a
-/// ray reads first (S8), one cache line. Made by patches/patch_model.h.
+/// First order model of a patch about its middle (1/2,1/2), and how far the patch is from it: what
+/// a ray reads first (S8), one cache line. Made by patches/patch_model.h.
 template <class T>
 struct alignas(16 * sizeof(T)) PatchModel {
   struct Axis {
@@ -73,7 +73,7 @@ template <class T>
 struct PatchBuffer {
   std::vector<PatchNet<T>> nets;
   std::vector<PatchBump<T>> bumps;
-  std::vector<PatchInfo> infos;  // one a net
+  std::vector<PatchInfo> infos;       // one a net
   std::vector<PatchModel<T>> models;  // one a net once the tracer has made them, else empty
   Vec3d origin{};
   double radius = 0;  // largest |control value| of any component, relative to origin

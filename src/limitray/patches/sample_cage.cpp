@@ -12,20 +12,20 @@
 namespace limitray {
 namespace {
 
-constexpr std::size_t vertices_a_kind = 3, kinds_at_most = 16;
+constexpr std::size_t vertices_a_kind = 6, kinds_at_most = 12;
 constexpr std::int32_t faces_a_vertex = 2;
 
 /// What is counted at a vertex in passes over the corners.
 struct Vertex {
-  Vec3d normal{};       // sum over the faces
-  double heights = 0;   // sum of squares over the neighbours, corner by corner
+  Vec3d normal{};      // sum over the faces
+  double heights = 0;  // sum of squares over three other vertices of each face
+  double roughness = 0;
   std::int32_t faces = 0, sharp_edges = 0, sides = 4;  // sides: of a face that is no quad
   // Hashes of the next vertices less those of the previous ones: 0 where the faces close.
   std::uint32_t neighbours = 0;
   bool sharp = false;
 
   bool on_boundary() const { return neighbours != 0; }
-  double roughness() const { return faces > 0 ? std::sqrt(heights / (2 * faces)) : 0; }
 };
 
 std::uint32_t hash(std::int32_t vertex) {
@@ -34,27 +34,31 @@ std::uint32_t hash(std::int32_t vertex) {
   return x ^ (x >> 13);
 }
 
-/// Calls visit(face, vertex, next, previous) for each corner.
+/// The vertex of a corner, and those after and before it.
+struct Corner {
+  std::int32_t vertex, next, after_next, previous;
+};
+
+/// Calls visit(face, corner) for each corner.
 template <class Visit>
 void for_each_corner(const ControlCage& cage, const Visit& visit) {
   const std::int32_t* first = cage.face_vertex_indices.data();
   for (std::size_t face = 0; face < cage.face_count(); ++face) {
     const std::int32_t n = cage.face_vertex_counts[face];
     for (std::int32_t i = 0; i < n; ++i)
-      visit(static_cast<std::int32_t>(face), first[i], first[i + 1 == n ? 0 : i + 1],
-            first[i == 0 ? n - 1 : i - 1]);
+      visit(static_cast<std::int32_t>(face),
+            Corner{first[i], first[(i + 1) % n], first[(i + 2) % n], first[(i + n - 1) % n]});
     first += n;
   }
 }
 
 std::vector<Vertex> inspect_vertices(const ControlCage& cage) {
   std::vector<Vertex> vertices(cage.points.size());
-  for_each_corner(cage, [&](std::int32_t face, std::int32_t v, std::int32_t next,
-                            std::int32_t previous) {
-    Vertex& vertex = vertices[v];
-    const Vec3d p = cage.points[v];
-    vertex.normal = vertex.normal + cross(cage.points[next] - p, cage.points[previous] - p);
-    vertex.neighbours += hash(next) - hash(previous);
+  for_each_corner(cage, [&](std::int32_t face, const Corner& c) {
+    Vertex& vertex = vertices[c.vertex];
+    const Vec3d p = cage.points[c.vertex];
+    vertex.normal = vertex.normal + cross(cage.points[c.next] - p, cage.points[c.previous] - p);
+    vertex.neighbours += hash(c.next) - hash(c.previous);
     ++vertex.faces;
     if (cage.face_vertex_counts[face] != 4) vertex.sides = cage.face_vertex_counts[face];
   });
@@ -62,14 +66,23 @@ std::vector<Vertex> inspect_vertices(const ControlCage& cage) {
     const double size = length(vertex.normal);
     if (size > 0) vertex.normal = (1 / size) * vertex.normal;
   }
-  for_each_corner(cage, [&](std::int32_t, std::int32_t v, std::int32_t next,
-                            std::int32_t previous) {
-    for (const std::int32_t other : {next, previous}) {
-      const Vec3d edge = cage.points[other] - cage.points[v];
-      const bool flat = dot(vertices[v].normal, vertices[v].normal) > 0;
-      const double height = flat ? dot(vertices[v].normal, edge) : length(edge);
-      vertices[v].heights += height * height;
+  for_each_corner(cage, [&](std::int32_t, const Corner& c) {
+    Vertex& vertex = vertices[c.vertex];
+    const bool has_normal = dot(vertex.normal, vertex.normal) > 0;
+    for (const std::int32_t other : {c.next, c.after_next, c.previous}) {
+      const Vec3d edge = cage.points[other] - cage.points[c.vertex];
+      const double height = has_normal ? dot(vertex.normal, edge) : length(edge);
+      vertex.heights += height * height;
     }
+  });
+  // A vertex is also rough where its neighbours are.
+  const auto own_roughness = [&](std::int32_t v) {
+    return std::sqrt(vertices[v].heights / (3 * std::max(1, vertices[v].faces)));
+  };
+  for_each_corner(cage, [&](std::int32_t, const Corner& c) {
+    double& roughness = vertices[c.vertex].roughness;
+    for (const std::int32_t other : {c.next, c.previous})
+      roughness = std::max({roughness, own_roughness(c.vertex), 0.25 * own_roughness(other)});
   });
   for (const CreaseEdge& crease : crease_edges(cage)) {
     if (crease.sharpness <= 0) continue;
@@ -88,14 +101,14 @@ bool is_regular(const Vertex& v, InterpolateBoundary rule) {
   return v.faces == 2 || (v.faces == 1 && rule == InterpolateBoundary::edge_and_corner);
 }
 
-/// The kind of each chosen vertex, else -1: the roughest of each kind are chosen, the kinds in order
-/// of their roughest one.
+/// The kind of each chosen vertex, else -1: the roughest of each kind are chosen, the kinds in
+/// order of their roughest one.
 std::vector<std::int32_t> choose_vertices(const ControlCage& cage,
                                           const std::vector<Vertex>& vertices) {
   using Kind = std::array<std::int32_t, 5>;
   std::map<Kind, std::vector<std::int32_t>> kinds;
   const auto rougher = [&](std::int32_t a, std::int32_t b) {
-    const double ra = vertices[a].roughness(), rb = vertices[b].roughness();
+    const double ra = vertices[a].roughness, rb = vertices[b].roughness;
     return ra != rb ? ra > rb : a < b;
   };
   for (std::size_t i = 0; i < vertices.size(); ++i) {
@@ -122,16 +135,16 @@ std::vector<std::int32_t> choose_vertices(const ControlCage& cage,
 /// Flags of the faces that have a vertex of `vertices` (one flag each).
 std::vector<bool> faces_at(const ControlCage& cage, const std::vector<bool>& vertices) {
   std::vector<bool> faces(cage.face_count());
-  for_each_corner(cage, [&](std::int32_t face, std::int32_t v, std::int32_t, std::int32_t) {
-    if (vertices[v]) faces[face] = true;
+  for_each_corner(cage, [&](std::int32_t face, const Corner& c) {
+    if (vertices[c.vertex]) faces[face] = true;
   });
   return faces;
 }
 
 std::vector<bool> vertices_of(const ControlCage& cage, const std::vector<bool>& faces) {
   std::vector<bool> vertices(cage.points.size());
-  for_each_corner(cage, [&](std::int32_t face, std::int32_t v, std::int32_t, std::int32_t) {
-    if (faces[face]) vertices[v] = true;
+  for_each_corner(cage, [&](std::int32_t face, const Corner& c) {
+    if (faces[face]) vertices[c.vertex] = true;
   });
   return vertices;
 }
@@ -142,18 +155,18 @@ std::vector<bool> choose_faces(const ControlCage& cage, const std::vector<Vertex
   std::vector<bool> hole(cage.face_count()), faces(cage.face_count());
   for (const std::int32_t face : cage.hole_indices) hole[face] = true;
   std::map<std::int32_t, std::int32_t> seen;  // faces met so far at the chosen vertices
-  for_each_corner(cage, [&](std::int32_t face, std::int32_t v, std::int32_t, std::int32_t) {
-    if (chosen[v] < 0) return;
-    const std::int32_t stride = std::max<std::int32_t>(1, vertices[v].faces / (faces_a_vertex + vertices[v].faces / 12));
-    if (seen[v]++ % stride == 0 && !hole[face]) faces[face] = true;
+  for_each_corner(cage, [&](std::int32_t face, const Corner& c) {
+    if (chosen[c.vertex] < 0) return;
+    const std::int32_t count = vertices[c.vertex].faces, wanted = faces_a_vertex + count / 12;
+    if (seen[c.vertex]++ % std::max<std::int32_t>(1, count / wanted) == 0 && !hole[face])
+      faces[face] = true;
   });
   return faces;
 }
 
 /// The faces `kept` of `cage` with their tags; those that are not `open` become holes.
 SampleCage extract(const ControlCage& cage, const std::vector<bool>& kept,
-                   const std::vector<bool>& open,
-                   const std::vector<std::int32_t>& chosen) {
+                   const std::vector<bool>& open, const std::vector<std::int32_t>& chosen) {
   SampleCage sample;
   ControlCage& part = sample.cage;
   part.interpolate_boundary = cage.interpolate_boundary;

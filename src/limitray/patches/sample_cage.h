@@ -17,9 +17,9 @@ struct SampleCage {
   std::vector<std::int32_t> kinds;
 };
 
-/// Chosen are, of each kind of irregular vertex (by faces, boundary, sharp edges, and the sides of a
-/// face that is no quad), some faces at the vertices whose neighbours are farthest from their
-/// tangent plane (in the quadratic mean): a Gregory patch of a plane is exact. `cage` must be valid.
+/// Chosen are, of each kind of irregular vertex (by faces, boundary, sharp edges, and the sides of
+/// a face that is no quad), some faces at the vertices whose faces are farthest from their tangent
+/// plane (in the quadratic mean): a Gregory patch of a plane is exact. `cage` must be valid.
 SampleCage sample_cage(const ControlCage& cage);
 
 }  // namespace limitray
