@@ -1,6 +1,6 @@
-"""Writes docs/gpu.md: what can be known about the GPU tracer's speed without a GPU.
+"""Prints docs/gpu.md: what can be known about the GPU tracer's speed without a GPU.
 
-usage: scripts/with_lavapipe python bench/gpu_report.py --cuda FOLDER [--models FILE...] > docs/gpu.md
+usage: scripts/with_lavapipe python bench/gpu_report.py --cuda FOLDER [--models FILE...]
 
 FOLDER holds bin/nvcc, bin/ptxas, bin/cuobjdump and bin/nvdisasm (wheels cuda-toolkit[nvcc,cudart],
 nvidia-cuda-cuobjdump, nvidia-cuda-nvdisasm: nvidia/cu13 among the site-packages). Run it with
@@ -42,7 +42,7 @@ def run(*command):
 
 
 def occupancy(architecture, registers):
-    """Share of the threads of an SM that its registers allow; warps allocate 8 registers a thread."""
+    """Share of an SM's threads that its registers allow, which come in eights a thread."""
     warps = REGISTERS_PER_SM // (32 * (-(-registers // 8) * 8))
     return min(1.0, warps * 32 / THREADS_PER_SM[architecture])
 
@@ -141,6 +141,7 @@ def table(head, rows):
 
 
 def main():
+    """Prints the page."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--cuda", required=True, help="folder of a CUDA toolkit")
     cages = [str(REPOSITORY / f"tests/cages/{n}.obj") for n in ("demo", "torus", "cube", "pole_8")]

@@ -12,6 +12,6 @@ nanobind_add_module(_core NB_STATIC NB_SUPPRESS_WARNINGS ${binding_sources})
 target_link_libraries(_core PRIVATE limitray)
 limitray_compile_options(_core)
 install(TARGETS _core DESTINATION limitray COMPONENT python)
-# The GPU tracer, compiled at run time; also what a Slang renderer imports (limitray.slang_folder()).
+# The GPU tracer, compiled at run time; Slang renderers import it (limitray.gpu.slang_folder()).
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/ DESTINATION limitray/slang COMPONENT python
         FILES_MATCHING PATTERN "*.slang" PATTERN "bindings" EXCLUDE)

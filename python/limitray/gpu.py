@@ -38,7 +38,7 @@ RAYS_PER_GROUP = 16
 THREADS = 64
 """Threads of a workgroup, as the kernels declare it."""
 
-CUDA_ARGUMENTS = ["--maxrregcount=64"]
+CUDA_ARGUMENTS = ["--maxrregcount=96"]
 
 COUNTERS = (
     "node_visits",
@@ -92,7 +92,7 @@ class Tracer:
             kind = self._slangpy.DeviceType[backend]
             try:
                 if self._slangpy.Device.enumerate_adapters(kind):
-                    # On CUDA, registers for half of the threads that an SM can hold.
+                    # On CUDA, registers for a third of the threads of an SM (docs/gpu.md).
                     options = {
                         "include_paths": [str(self._folder)],
                         "downstream_args": CUDA_ARGUMENTS if backend == "cuda" else [],

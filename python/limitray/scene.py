@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from limitray import _core
 from limitray._arrays import (
-    FloatArray,
     index_array,
     one_of,
     positive_int,
@@ -19,6 +20,7 @@ from limitray._arrays import (
     to_array,
     transform_matrix,
 )
+from limitray._rays import flat_rays, ray_limits
 from limitray.gpu import BACKENDS, GpuScene
 from limitray.material import Material, MaterialSet
 from limitray.mesh import Mesh
@@ -80,6 +82,7 @@ class Scene:
             self._scene = _core.Scene(threads)
         else:
             self._scene = GpuScene(device, threads)
+        self._turn = nullcontext() if device == "cpu" else Lock()  # a GPU takes one call at a time
         self._material_sets: list[MaterialSet] = [MaterialSet()]
         self._material_set_of: list[int] = []
         self._primvar_names: dict[str, None] = {}
@@ -293,7 +296,7 @@ class Scene:
             - "primvars:st" (..., width): the primvar "st"; "primvars:st:du" and "primvars:st:dv":
               its derivatives by u and v. NaN where the mesh hit has no such primvar.
 
-            For a miss ids are INVALID_ID (0xFFFFFFFF) and all else is 0.
+            For a miss ids and sub-quads are INVALID_ID (0xFFFFFFFF) and all else is 0.
 
         Raises
         ------
@@ -310,10 +313,11 @@ class Scene:
             if self.primvar_width(name.removeprefix(PRIMVAR_PREFIX)) == 0:
                 raise ValueError(f'attributes: no mesh has the primvar of "{name}"')
         names = list(dict.fromkeys((*HIT_KEYS, *plain)))
-        flat, shape = _flat_rays(rays)
-        limits = _limits(tnear, tfar, shape, flat.dtype)
+        flat, shape = flat_rays(rays)
+        limits = ray_limits(tnear, tfar, shape, flat.dtype)
         wanted = [*names, "sub_quads"] if primvars and "sub_quads" not in names else names
-        cast = self._scene.cast_rays(flat, *limits, wanted, progress)
+        with self._turn:
+            cast = self._scene.cast_rays(flat, *limits, wanted, progress)
         hits = {name: cast[name] for name in names}
         for name in primvars:
             values = self.evaluate_primvar(
@@ -331,9 +335,10 @@ class Scene:
         progress: Progress | None = None,
     ) -> NDArray[np.bool_]:
         """Whether each ray hits anything: array (...) of bool. Arguments as in `cast_rays`."""
-        flat, shape = _flat_rays(rays)
-        limits = _limits(tnear, tfar, shape, flat.dtype)
-        return self._scene.test_occlusions(flat, *limits, progress).reshape(shape)
+        flat, shape = flat_rays(rays)
+        limits = ray_limits(tnear, tfar, shape, flat.dtype)
+        with self._turn:
+            return self._scene.test_occlusions(flat, *limits, progress).reshape(shape)
 
     def count_intersections(
         self,
@@ -343,8 +348,8 @@ class Scene:
         progress: Progress | None = None,
     ) -> NDArray[np.uint32]:
         """Number of intersections along each ray (...), in double. Arguments as in `cast_rays`."""
-        flat, shape = _flat_rays(rays)
-        near, far = _limits(tnear, tfar, shape, np.dtype(np.float64))
+        flat, shape = flat_rays(rays)
+        near, far = ray_limits(tnear, tfar, shape, np.dtype(np.float64))
         counts = self._scene.count_intersections(
             flat.astype(np.float64, copy=False), near, far, progress
         )
@@ -368,8 +373,8 @@ class Scene:
             - "t_hit" (k,), "primitive_uvs" (k, 2), "primitive_normals" (k, 3) float64.
             - "geometry_ids", "primitive_ids", "sub_quads" (k,) uint32.
         """
-        flat, shape = _flat_rays(rays)
-        near, far = _limits(tnear, tfar, shape, np.dtype(np.float64))
+        flat, shape = flat_rays(rays)
+        near, far = ray_limits(tnear, tfar, shape, np.dtype(np.float64))
         found = self._scene.list_intersections(
             flat.astype(np.float64, copy=False), near, far, progress
         )
@@ -434,33 +439,3 @@ class Scene:
                 f"geometry_id must be below {self.geometry_count()}, not {geometry_id}"
             )
         return int(geometry_id)
-
-
-def _flat_rays(rays: ArrayLike) -> tuple[FloatArray, tuple[int, ...]]:
-    """Rays as a contiguous (n, 6) array, and the shape of the answers."""
-    array = to_array("rays", rays)
-    if array.dtype not in (np.float32, np.float64):
-        raise ValueError(f"rays must have dtype float32 or float64, not {array.dtype}")
-    if array.ndim == 0 or array.shape[-1] != 6:
-        raise ValueError(f"rays must have shape (..., 6), not {array.shape}")
-    return np.ascontiguousarray(array.reshape(-1, 6)), array.shape[:-1]
-
-
-def _limits(
-    tnear: ArrayLike, tfar: ArrayLike, shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> tuple[NDArray[Any], NDArray[Any]]:
-    """tnear and tfar as arrays of 1 value, or of one a ray."""
-    return _limit("tnear", tnear, shape, dtype), _limit("tfar", tfar, shape, dtype)
-
-
-def _limit(
-    name: str, value: ArrayLike, shape: tuple[int, ...], dtype: np.dtype[Any]
-) -> NDArray[Any]:
-    array = to_array(name, value)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} must be a real number or an array, not {array.dtype}")
-    if array.shape not in ((), shape):
-        raise ValueError(f"{name} must be a number or have shape {shape}, not {array.shape}")
-    if not (array >= 0).all():
-        raise ValueError(f"{name} must be at least 0 and not NaN")
-    return np.ascontiguousarray(array.reshape(-1), dtype)

@@ -32,10 +32,18 @@ class ByteReader {
 
   /// A coordinate: most often a small multiple of 1/16, sometimes any bits.
   double coordinate() {
+    if (empty()) return step() / 16.0;
     const auto kind = take<std::uint8_t>();
     if (kind < 240) return take<std::int8_t>() / 16.0;
     if (kind < 248) return static_cast<double>(take<float>());
     return take<double>();
+  }
+
+  /// In [-128, 127].
+  int step() {
+    if (!empty()) return take<std::int8_t>();
+    scatter_ = scatter_ * 1103515245u + 12345u;
+    return static_cast<int>((scatter_ >> 16) % 256) - 128;
   }
 
   /// A sharpness: the whole range, infinity and what is not allowed included.
@@ -46,6 +54,7 @@ class ByteReader {
 
  private:
   std::span<const std::uint8_t> rest_;
+  std::uint32_t scatter_ = 1;
 };
 
 }  // namespace limitray::fuzz

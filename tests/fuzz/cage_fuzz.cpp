@@ -34,8 +34,8 @@ std::vector<double> take_rays(ByteReader& bytes, const std::array<Vec3d, 2>& bou
     const bool along_axis = bytes.below(4) == 0;
     const int axis = i % 3;
     for (int k = 0; k < 3; ++k) {
-      at[k] = middle[k] + half[k] * bytes.take<std::int8_t>() / 120.0;
-      from[k] = middle[k] + half[k] * bytes.take<std::int8_t>() / 40.0;
+      at[k] = middle[k] + half[k] * bytes.step() / 120.0;
+      from[k] = middle[k] + half[k] * bytes.step() / 40.0;
       if (along_axis && k != axis) from[k] = at[k];
     }
     rays.insert(rays.end(), from, from + 3);
@@ -168,7 +168,7 @@ void run(ByteReader bytes) {
   check_limit(cage);
   const std::size_t patches = scene.mesh_statistics(0).patches;
   if (patches == 0) return;
-  const std::vector<double> rays = take_rays(bytes, scene.bounds(), 12);
+  const std::vector<double> rays = take_rays(bytes, scene.bounds(), 8);
   check_hits<float>(scene, cage, rays, patches);
   check_hits<double>(scene, cage, rays, patches);
   check_counts(scene, rays);

@@ -11,6 +11,7 @@ from PIL import Image
 from shapes import REPOSITORY
 
 EXAMPLES = REPOSITORY / "examples"
+FIGURE = REPOSITORY / "docs/figure1.png"
 GALLERY = REPOSITORY / "docs/gallery"
 ALL_EXAMPLES = "".join(path.read_text() for path in EXAMPLES.glob("*.py"))
 PICTURES = sorted(path.stem for path in GALLERY.glob("*.png"))
@@ -57,6 +58,30 @@ def test_gallery_refuses_unknown_names():
     )
     assert done.returncode == 2
     assert '"teapot" is not one of demo, gear' in done.stderr
+
+
+def test_figure1(tmp_path):
+    quick = ["--scale", "0.06", "--spp", "1", "--rays", "1000"]
+    lines = run("figure1.py", *quick, "--output", tmp_path / "figure.png").splitlines()
+    assert len(lines) == 6
+    for line in lines[:5]:
+        primary, diffuse = re.fullmatch(r".+: (\d+\.\d) / (\d+\.\d)", line).groups()
+        assert float(primary) >= 0
+        assert float(diffuse) >= 0
+    with Image.open(tmp_path / "figure.png") as made, Image.open(FIGURE) as kept:
+        assert made.size == kept.size
+    assert FIGURE.stat().st_size < 500_000
+
+
+def test_the_figure_has_thousands_of_semi_sharp_creases():
+    program = (
+        "import models; mesh = models.knot(); s = mesh.crease_sharpnesses; "
+        "edges = mesh.crease_lengths - 1; print(edges[(s > 0) & (s < 10)].sum())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=EXAMPLES, capture_output=True, text=True, check=True
+    )
+    assert int(done.stdout) > 2000
 
 
 @pytest.mark.parametrize("name", PICTURES)

@@ -19,7 +19,7 @@ namespace limitray {
 namespace {
 
 /// The largest error lies elsewhere than at the places compared: on all cages and models of the
-/// tests it is at most this much larger (docs/accuracy.md).
+/// tests it is at most this much larger (docs/tolerance.md).
 constexpr double margin = 2;
 /// Places compared on a Gregory patch, as distances along u and v from its extraordinary corner:
 /// the error is largest along the edges there, nearer to the corner for a higher valence.

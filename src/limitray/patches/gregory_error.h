@@ -4,7 +4,7 @@
 // Measured, not guessed: a few faces at the extraordinary vertices where the cage is roughest, of
 // each kind of vertex, are refined on their own and compared with the limit evaluator along its
 // normal. The time is that of some hundred evaluations, whatever the size of the cage, and one pass
-// over its corners. docs/accuracy.md tells how good the estimate is.
+// over its corners. docs/tolerance.md tells how good the estimate is.
 #pragma once
 
 #include "limitray/cage/cage.h"
