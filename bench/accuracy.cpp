@@ -173,8 +173,10 @@ double median(std::vector<double> v) {
 
 /// Float against double on the same rays, from all around; distances in longest sides of the box.
 void precision_table(int count) {
-  std::printf("\n| cage | hits | error, median | largest | t_error, median | largest | beyond |\n");
-  std::printf("|---|---|---|---|---|---|---|\n");
+  std::printf(
+      "\n| cage | hits | error, median | largest | t_error, median | largest | "
+      "before | behind |\n");
+  std::printf("|---|---|---|---|---|---|---|---|\n");
   for (const char* name : {"cube", "cube_semi_2_5", "icosahedron", "pole_12", "torus", "demo"}) {
     limitray::Scene scene(1);
     scene.add_mesh(limitray::read_obj(std::string(LIMITRAY_TEST_CAGES) + "/" + name + ".obj"), {4});
@@ -192,17 +194,17 @@ void precision_table(int count) {
     const auto f = test::cast(scene, rays);
     const auto d = test::cast(scene, exact);
     std::vector<double> errors, bounds;
-    int beyond = 0;
+    int before = 0, behind = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
       if (!f.hit(i) || !d.hit(i)) continue;
       const double scale = length(rays.dir(i)) / side;
       errors.push_back(std::abs(double(f.t[i]) - d.t[i]) * scale);
       bounds.push_back((double(f.t_error[i]) + d.t_error[i]) * scale);
-      beyond += errors.back() > bounds.back();
+      if (errors.back() > bounds.back()) ++(double(f.t[i]) < d.t[i] ? before : behind);
     }
-    std::printf("| %s | %zu | %.1e | %.1e | %.1e | %.1e | %d |\n", name, errors.size(),
+    std::printf("| %s | %zu | %.1e | %.1e | %.1e | %.1e | %d | %d |\n", name, errors.size(),
                 median(errors), *std::max_element(errors.begin(), errors.end()), median(bounds),
-                *std::max_element(bounds.begin(), bounds.end()), beyond);
+                *std::max_element(bounds.begin(), bounds.end()), before, behind);
     std::fflush(stdout);
   }
 }

@@ -138,14 +138,14 @@ def _skin(size: int) -> NDArray[np.float32]:
     below = np.where(t < ARM_T, np.clip(1.6 - 9 * np.abs(s - 0.625), 0, 1), 0)
     below = np.maximum(below, np.where(t >= ARM_T, np.clip(1 - 9 * (t - ARM_T), 0, 1), 0))
     skin += (0.85 * below)[..., np.newaxis] * (pale - skin)
-    for row in (0.565, 0.685):
-        for i in range(2 * STEPS):
-            place = ARM_T * (i + (0.5 if row < 0.6 else 1.0)) / (2 * STEPS)
-            distance = np.hypot((s - row) / 0.040, (t - place) / 0.0050)
-            ring = np.clip(4 * (1 - distance), 0, 1)[..., np.newaxis]
-            hollow = np.clip(4 * (0.5 - distance), 0, 1)[..., np.newaxis]
-            skin += ring * (np.array((0.93, 0.72, 0.55)) - skin)
-            skin += 0.7 * hollow * (warm - skin)
+    step = ARM_T / (2 * STEPS)
+    for row, shift in ((0.565, 0.0), (0.685, 0.5)):
+        along = ((t / step + shift) % 1 - 0.5) * step
+        distance = np.hypot((s - row) / 0.040, along / 0.0050) + 9 * (t > ARM_T)
+        ring = np.clip(4 * (1 - distance), 0, 1)[..., np.newaxis]
+        hollow = np.clip(4 * (0.5 - distance), 0, 1)[..., np.newaxis]
+        skin += ring * (np.array((0.93, 0.72, 0.55)) - skin)
+        skin += 0.7 * hollow * (warm - skin)
     return np.clip(skin, 0, 1).astype(np.float32)
 
 

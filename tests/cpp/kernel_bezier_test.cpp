@@ -58,7 +58,7 @@ TEST(BernsteinBoundTest, WeightsAreOffByLessThanTheChargedNineteenRoundings) {
 
 TYPED_TEST(BezierTest, WeightsStayWithinTheirBound) {
   using T = TypeParam;
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < 20000 / test::rounds_divisor; ++i) {
     const T x = T(test::uniform(this->generator, 0, 1)) * (i % 4 == 0 ? T(1e-3) : T(1));
     const Quad<T> b = bernstein(x), d = bernstein_derivative(x);
     Real error = 0;
@@ -88,7 +88,7 @@ Real blossom(const Real (&p)[4], Real a, Real b, int i) {
 
 TYPED_TEST(BezierTest, RestrictionIsTheBlossom) {
   using T = TypeParam;
-  for (int round = 0; round < 2000; ++round) {
+  for (int round = 0; round < 2000 / test::rounds_divisor; ++round) {
     const int level = int(this->generator() % 20);
     const T size = T(1) / T(1 << level);
     const T au = T(this->generator() % (1u << level)) * size,

@@ -13,7 +13,7 @@ using test::Real;
 
 TEST(BoundsTest, BoxesContainTheExactSurface) {
   test::Generator g{17};
-  for (int round = 0; round < 400; ++round)
+  for (int round = 0; round < 400 / test::rounds_divisor; ++round)
     for (const double size : {1e-4, 1.0, 1e4}) {
       const test::Patch p = test::random_patch(g, test::all_shapes[round % 8], round % 3 != 0, size,
                                                round % 2 * 3 * size);
@@ -33,7 +33,7 @@ TEST(BoundsTest, BoxesContainTheExactSurface) {
 
 TEST(BoundsTest, BoxesAreTight) {
   test::Generator g{18};
-  for (int round = 0; round < 200; ++round) {
+  for (int round = 0; round < 200 / test::rounds_divisor; ++round) {
     const test::Patch p = test::random_patch(g, test::Shape::smooth, false);
     const test::RoundedPatch<float> rounded(p);
     const Box box = patch_bounds(rounded.net, nullptr, box_padding(test::radius_of(p)));
@@ -70,7 +70,7 @@ Vec3d awkward_direction(test::Generator& g) {
 template <class T>
 void expect_rays_meet_their_boxes(double size) {
   test::Generator g{19};
-  for (int round = 0; round < 3000; ++round) {
+  for (int round = 0; round < 3000 / test::rounds_divisor; ++round) {
     // Flat or point-like boxes too; the padding is all that holds rounding.
     Box inner[bvh_width], padded[bvh_width];
     const float padding = box_padding(size);
@@ -110,7 +110,7 @@ TEST(BoundsTest, RayThroughAPointOfABoxMeetsIt) {
 TEST(BoundsTest, AbsentChildrenAreNeverMet) {
   const Box boxes[bvh_width] = {};
   test::Generator g{20};
-  for (int round = 0; round < 1000; ++round) {
+  for (int round = 0; round < 1000 / test::rounds_divisor; ++round) {
     PatchRay<float> r;
     ASSERT_TRUE(make_patch_ray({{0, 0, 0}, awkward_direction(g)}, test::extent_of(1), r));
     Simd<float, 8> entry;

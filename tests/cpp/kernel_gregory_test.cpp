@@ -27,7 +27,7 @@ TYPED_TEST_SUITE(GregoryTest, Types);
 
 TYPED_TEST(GregoryTest, SurfaceIsTheTextbookBlend) {
   using T = TypeParam;
-  for (int round = 0; round < 3000; ++round) {
+  for (int round = 0; round < 3000 / test::rounds_divisor; ++round) {
     const test::RoundedPatch<T> p(
         test::random_patch(this->generator, test::surface_shapes[round % 6], round % 4 != 0));
     const T s = T(test::random_parameter(this->generator)),
@@ -45,7 +45,7 @@ TYPED_TEST(GregoryTest, SurfaceIsTheTextbookBlend) {
 TYPED_TEST(GregoryTest, DerivativesAreThoseOfTheSurface) {
   using T = TypeParam;
   const Real h = 1e-5L;
-  for (int round = 0; round < 2000; ++round) {
+  for (int round = 0; round < 2000 / test::rounds_divisor; ++round) {
     const test::RoundedPatch<T> p(
         test::random_patch(this->generator, test::surface_shapes[round % 6], true));
     const T s = T(test::uniform(this->generator, 0.001, 0.999)),
@@ -75,7 +75,7 @@ TYPED_TEST(GregoryTest, CornersHaveNoBumpAndFiniteDerivatives) {
 
 TEST(GregoryConstantsTest, SupremaAreWhatTheCodeSays) {
   Real top = 0, slope = 0, plain_slope = 0, both = 0;
-  const int n = 1500;
+  const int n = 1500 / test::rounds_divisor;
   for (int j = 0; j <= n; ++j)
     for (int i = 0; i <= n; ++i) {
       const Real a = i / Real(n), b = j / Real(n);
@@ -95,9 +95,41 @@ TEST(GregoryConstantsTest, SupremaAreWhatTheCodeSays) {
   EXPECT_LE(both, bump_slope<double> * (1 + 1e-12L));  // bump_gain of the whole patch
 }
 
+/// Second derivatives of the bump: by a twice, by a and b, by b twice.
+struct Bend {
+  Real aa, ab, bb;
+};
+Bend bend(Real a, Real b) {
+  const auto slope = [](Real x) { return 3 * (1 - x) * (1 - 3 * x); };
+  const auto curve = [](Real x) { return 3 * (6 * x - 4); };
+  const Real s = a + b, w = (a - b) / s, w_a = 2 * b / (s * s), w_b = -2 * a / (s * s);
+  const Real w_aa = -2 * w_a / s, w_bb = -2 * w_b / s, w_ab = 2 * w / (s * s);
+  const Real p = weight(a), q = weight(b), p1 = slope(a), q1 = slope(b);
+  return {curve(a) * q * w + 2 * p1 * q * w_a + p * q * w_aa,
+          p1 * q1 * w + p1 * q * w_b + p * q1 * w_a + p * q * w_ab,
+          p * curve(b) * w + 2 * p * q1 * w_b + p * q * w_bb};
+}
+
+TEST(GregoryConstantsTest, SecondDerivativesAreAsBoundedByTheCode) {
+  Real curvature = 0, change = 0;
+  const int n = 1500 / test::rounds_divisor;
+  for (int j = 0; j <= n; ++j)
+    for (int i = 1; i <= n; ++i)
+      for (const Real scale : {Real(1), Real(1e-4L)}) {  // near the corner, too
+        const Bend d = bend(scale * i / n, scale * j / n);
+        const Real aa = std::abs(d.aa), ab = std::abs(d.ab), bb = std::abs(d.bb);
+        curvature = std::max(curvature, aa / 2 + ab + bb / 2);
+        change = std::max({change, aa + ab, bb + ab});
+      }
+  EXPECT_LE(curvature, bump_curvature<double>);
+  EXPECT_GT(curvature, bump_curvature<double> * 0.99L);
+  EXPECT_LE(change, bump_slope_change<double>);
+  EXPECT_GT(change, bump_slope_change<double> * 0.99L);
+}
+
 TYPED_TEST(GregoryTest, FrozenBlendContainsTheTrueOne) {
   using T = TypeParam;
-  for (int round = 0; round < 4000; ++round) {
+  for (int round = 0; round < 4000 / test::rounds_divisor; ++round) {
     const int lu = int(this->generator() % 12), lv = int(this->generator() % 12);
     const T su = T(1) / T(1 << lu), sv = T(1) / T(1 << lv);
     // Every second subdomain touches a border.

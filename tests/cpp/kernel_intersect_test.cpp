@@ -67,7 +67,7 @@ TYPED_TEST_SUITE(IntersectTest, Types);
 TYPED_TEST(IntersectTest, AimedRaysNeverMiss) {
   using T = TypeParam;
   std::vector<Root<T>> roots;
-  for (int round = 0; round < 3000; ++round) {
+  for (int round = 0; round < 3000 / test::rounds_divisor; ++round) {
     // Degenerate shapes less often: an edge that is one point on the ray takes many splits.
     const Shape shape = test::surface_shapes[round % (round % 16 ? 4 : 6)];
     const Patch p = test::random_patch(this->generator, shape, round % 2);
@@ -93,7 +93,7 @@ TYPED_TEST(IntersectTest, RootsLieOnRayAndSurface) {
   using T = TypeParam;
   std::vector<Root<T>> roots;
   Real worst[3] = {};
-  for (int round = 0; round < 3000; ++round) {
+  for (int round = 0; round < 3000 / test::rounds_divisor; ++round) {
     const Shape shape = test::surface_shapes[round % (round % 16 ? 4 : 6)];
     const Patch p = test::random_patch(this->generator, shape, round % 2);
     const RoundedPatch<T> rounded(p);
@@ -113,7 +113,7 @@ TYPED_TEST(IntersectTest, RootsLieOnRayAndSurface) {
 
 TYPED_TEST(IntersectTest, SubpatchesContainTheExactSurface) {
   using T = TypeParam;
-  for (int round = 0; round < 4000; ++round) {
+  for (int round = 0; round < 4000 / test::rounds_divisor; ++round) {
     const Patch p = test::random_patch(this->generator, test::surface_shapes[round % 6], round % 4);
     const RoundedPatch<T> rounded(p);
     const ObjectRay ray = aim_anywhere(this->generator, p);
@@ -143,7 +143,7 @@ TYPED_TEST(IntersectTest, SubpatchesContainTheExactSurface) {
 
 TYPED_TEST(IntersectTest, NewtonAgreesWithPureBisection) {
   int different = 0;
-  for (int round = 0; round < 3000; ++round) {
+  for (int round = 0; round < 3000 / test::rounds_divisor; ++round) {
     const Patch p = test::random_patch(this->generator, test::surface_shapes[round % 4], round % 2);
     const ObjectRay ray = aim_anywhere(this->generator, p);
     const auto slow = this->nearest(p, ray, Search::bisection);
@@ -158,7 +158,7 @@ TYPED_TEST(IntersectTest, NewtonAgreesWithPureBisection) {
 
 TYPED_TEST(IntersectTest, PointAndCurveAreHitWhereTheRayMeetsThem) {
   using T = TypeParam;
-  for (int round = 0; round < 100; ++round) {
+  for (int round = 0; round < 100 / test::rounds_divisor; ++round) {
     const Shape shape = round % 2 ? Shape::point : Shape::curve;
     const Patch p = test::random_patch(this->generator, shape, round % 4 < 2);
     const auto root = this->nearest(p, aim_anywhere(this->generator, p), Search::full);
@@ -193,7 +193,7 @@ TYPED_TEST(IntersectTest, RayInThePlaneOfAFlatPatchHitsItsNearSide) {
 TEST(PrecisionTest, FloatNeverPassesWhatDoubleHits) {
   test::Generator g{29};
   int earlier = 0, rays = 0;
-  for (int round = 0; round < 6000; ++round) {
+  for (int round = 0; round < 6000 / test::rounds_divisor; ++round) {
     const Patch p = test::random_patch(g, test::surface_shapes[round % 4], round % 2);
     ObjectRay ray = aim_anywhere(g, p);
     std::vector<Root<float>> f;
@@ -209,7 +209,7 @@ TEST(PrecisionTest, FloatNeverPassesWhatDoubleHits) {
     ASSERT_LE(mine->t - mine->t_error, best->t + best->t_error) << round;
     earlier += mine->t + mine->t_error < best->t - best->t_error;
   }
-  EXPECT_GT(rays, 5000);
+  EXPECT_GT(rays, 5000 / test::rounds_divisor);
   EXPECT_LE(earlier, 6);
 }
 
