@@ -87,8 +87,9 @@ TEST_P(ToleranceOfCage, ChoosesTheLowestLevelThatKeepsIt) {
     const LevelChoice choice = choose_level(cage, tolerance, 6);
     EXPECT_EQ(choice.error, gregory_error(cage, choice.isolation_level));
     EXPECT_TRUE(choice.error <= tolerance || choice.isolation_level == 6);
-    if (choice.isolation_level > lowest_chosen_level)
+    if (choice.isolation_level > lowest_chosen_level) {
       EXPECT_GT(gregory_error(cage, choice.isolation_level - 1), tolerance);
+    }
   }
 }
 
