@@ -24,7 +24,8 @@ LevelOption = Annotated[
         min=1,
         max=10,
         help="How deep irregular features are isolated: deeper is closer to the true limit "
-        "surface at extraordinary vertices, and takes more patches. Default 4.",
+        "surface at extraordinary vertices, and takes more patches. Chosen for an error of "
+        "1e-5 of the size unless given.",
     ),
 ]
 ThreadsOption = Annotated[int, typer.Option(min=0, help="Threads; 0 takes all cores.")]

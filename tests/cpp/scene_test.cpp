@@ -163,9 +163,9 @@ TYPED_TEST(SceneTest, InstancesAreThePlacedMesh) {
   for (Vec3d& p : moved.points) p = place.point(p);
 
   Scene instanced(1), direct(1);
-  instanced.add_mesh(cage("cube"), {4, Affine{}});
+  instanced.add_mesh(cage("cube"));
   const std::uint32_t star = instanced.add_mesh(cage("star_prism"), {4, place});
-  direct.add_mesh(moved);
+  direct.add_mesh(moved, {4});
   const Rays<T> rays = random_rays<T>(3000, place.offset, 1.0);
   const Hits<T> a = cast(instanced, rays), b = cast(direct, rays);
   int compared = 0;
@@ -190,11 +190,11 @@ TYPED_TEST(SceneTest, MovedPointsEqualAFreshScene) {
   ControlCage bent = cage("pole_8");
   for (Vec3d& p : bent.points) p.x += 0.3 * p.y * p.y, p.z *= 1.4;
   Scene moved(1), fresh(1);
-  moved.add_mesh(cage("pole_8"));
+  moved.add_mesh(cage("pole_8"), {4});
   const Rays<T> rays = random_rays<T>(3000);
   cast(moved, rays);  // makes the double path's patches, too
   moved.update_points(0, bent.points);
-  fresh.add_mesh(bent);
+  fresh.add_mesh(bent, {4});
   const Hits<T> a = cast(moved, rays), b = cast(fresh, rays);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     // The tree is another one, so that equal hits of neighbours may come in another order.

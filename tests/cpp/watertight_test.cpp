@@ -19,6 +19,12 @@ using test::RayKind;
 using test::WatertightCage;
 
 constexpr int isolation_level = 3;
+// Under a sanitizer the same code runs on fewer rays: they look for other faults than leaks.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr std::size_t rays_divisor = 50;
+#else
+constexpr std::size_t rays_divisor = 1;
+#endif
 
 class WatertightTest : public testing::TestWithParam<const char*> {
  protected:
@@ -28,7 +34,7 @@ class WatertightTest : public testing::TestWithParam<const char*> {
   LeakCounts run_all_kinds(std::size_t rays) {
     LeakCounts all;
     for (int k = 0; k < test::ray_kinds; ++k) {
-      const LeakCounts c = cage.run_share<T>(RayKind(k), rays);
+      const LeakCounts c = cage.run_share<T>(RayKind(k), rays / rays_divisor);
       EXPECT_EQ(c.leaks, 0u) << name_of(RayKind(k)) << ", " << c.rays << " rays";
       EXPECT_EQ(c.unresolved, 0u) << name_of(RayKind(k));
       all.add(c);
@@ -40,7 +46,7 @@ class WatertightTest : public testing::TestWithParam<const char*> {
 
 TEST_P(WatertightTest, TwoMillionRaysInFloat) {
   ASSERT_GT(cage.inside_points(), 0u);
-  EXPECT_GE(run_all_kinds<float>(2'000'000).rays, 2'000'000u);
+  EXPECT_EQ(run_all_kinds<float>(2'000'000).rays, 2'000'000u / rays_divisor);
 }
 
 TEST_P(WatertightTest, Double) {
