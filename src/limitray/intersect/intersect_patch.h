@@ -248,9 +248,14 @@ template <class T, bool use_newton, class OnHit>
     const bool at_end = !done && (deepest == max_level<T> || is_point(root, sub));
     if (!done && (at_end || cluster.is_open())) done = cluster.absorb(sub, at_end);
     if (!done && at_end) {  // S4: terminate
-      if (cluster.report(on_hit, zmax)) return;
       const T u = sub.u0 + sub.size_u / 2, v = sub.v0 + sub.size_v / 2;
-      cluster.start({u, v, evaluate(root, u, v).z, 0}, sub);
+      const T z = evaluate(root, u, v).z;
+      // A point before the ray's start is no hit, and cannot stand for a cluster that reaches past
+      // it.
+      if (z > ray.zmin + ray.eps_z) {
+        if (cluster.report(on_hit, zmax)) return;
+        cluster.start({u, v, z, 0}, sub);
+      }
       done = true;
     }
     if (!done && count.splits == last_split) {
