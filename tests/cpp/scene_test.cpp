@@ -166,21 +166,13 @@ TYPED_TEST(SceneTest, InstancesAreThePlacedMesh) {
   instanced.add_mesh(cage("cube"));
   const std::uint32_t star = instanced.add_mesh(cage("star_prism"), {4, place});
   direct.add_mesh(moved, {4});
-  const Rays<T> rays = random_rays<T>(3000, place.offset, 1.0);
+  const Rays<T> rays = random_rays<T>(20000, place.offset, 1.0);
   const Hits<T> a = cast(instanced, rays), b = cast(direct, rays);
   int compared = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (!b.hit(i) || !a.hit(i) || a.geometry_id[i] != star) continue;
-    // Moving the ray rounds it anew, which t_error does not know: where the ray grazes, t follows
-    // the square root of that, and on a seam the neighbour may answer.
-    const Vec3d n{double(b.normal[3 * i]), double(b.normal[3 * i + 1]),
-                  double(b.normal[3 * i + 2])};
-    const Vec3d d{double(rays.values[6 * i + 3]), double(rays.values[6 * i + 4]),
-                  double(rays.values[6 * i + 5])};
-    if (a.patch_id[i] != b.patch_id[i] || std::abs(dot(n, d)) < 0.2 * length(d)) continue;
     ++compared;
-    ASSERT_NEAR(a.t[i], b.t[i],
-                4 * (a.t_error[i] + b.t_error[i]) + 1e-5 * double(sizeof(T) == 4) + 1e-9);
+    ASSERT_NEAR(a.t[i], b.t[i], a.t_error[i] + b.t_error[i]) << i;
     EXPECT_EQ(a.primitive_id[i], b.primitive_id[i]);
     // The mirrored winding faces the other way: normals go with the placed faces.
     const Vec3d na{double(a.normal[3 * i]), double(a.normal[3 * i + 1]),
@@ -190,7 +182,7 @@ TYPED_TEST(SceneTest, InstancesAreThePlacedMesh) {
     EXPECT_NEAR(std::abs(dot(na, nb)), 1, 1e-3);
     EXPECT_NEAR(double(a.dp_du[3 * i]), double(b.dp_du[3 * i]), 1e-2);
   }
-  EXPECT_GT(compared, 500);
+  EXPECT_GT(compared, 5000);
 }
 
 TYPED_TEST(SceneTest, MovedPointsEqualAFreshScene) {
