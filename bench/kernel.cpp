@@ -185,10 +185,10 @@ void set_up_ray(benchmark::State& state) {
 
 /// S5: through all 256 subdomains of four levels a direction, as if each split hit both children.
 void next_subdomain(benchmark::State& state) {
-  Domain<std::uint32_t> domain;
+  Domain<std::uint32_t, std::uint64_t> domain;
   for (auto _ : state) {
-    if (domain.level_v < 4)
-      domain.descend(false, true);
+    if (domain.splits() < 8)
+      domain.descend(domain.splits() % 2 == 0, false, true);
     else if (!domain.next())
       domain = {};
     benchmark::DoNotOptimize(domain);

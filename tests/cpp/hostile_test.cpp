@@ -15,6 +15,8 @@
 #include <thread>
 #include <vector>
 
+#include "../support/cast.h"
+#include "../support/random_patches.h"
 #include "cage_files.h"
 #include "limitray/cage/obj.h"
 #include "limitray/memory.h"
@@ -205,6 +207,48 @@ TEST(Hostile, DegenerateCagesTakeBoundedTime) {
   scene.count_intersections({ray, {&near, 1}, {&far, 1}}, &count);
   const Statistics s = scene.statistics();
   EXPECT_LE(s.splits, (1u << 16) + 1024 * s.patch_tests);
+}
+
+/// A sphere of quads with open ends, each shrunk to a point: an edge of every patch there.
+ControlCage sphere_of_quads(int around, int along) {
+  ControlCage c;
+  const double pi = std::numbers::pi;
+  for (int j = 0; j <= along; ++j)
+    for (int i = 0; i < around; ++i) {
+      const double a = 2 * pi * i / around, r = j % along ? std::sin(pi * j / along) : 0;
+      c.points.push_back({r * std::cos(a), r * std::sin(a), std::cos(pi * j / along)});
+    }
+  for (int j = 0; j < along; ++j)
+    for (int i = 0; i < around; ++i) {
+      const int a = j * around + i, b = j * around + (i + 1) % around;
+      c.face_vertex_counts.push_back(4);
+      for (const int k : {a, a + around, b + around, b}) c.face_vertex_indices.push_back(k);
+    }
+  return c;
+}
+
+template <class T>
+void expect_few_splits_at_the_poles(bool use_newton) {
+  Scene scene(1);
+  scene.add_mesh(sphere_of_quads(12, 6), {4});
+  scene.set_newton(use_newton);
+  test::Generator g{3};
+  test::Rays<T> rays;
+  for (int i = 0; i < 500; ++i) {
+    const double z = scene.bounds()[i % 2].z;
+    rays.aim(4.0 * test::random_direction(g), {i % 3 ? 0 : 1e-7 * test::uniform(g, -1, 1), 0, z});
+  }
+  const test::Hits<T> hits = cast(scene, rays);
+  // In double a ray that was rounded may pass the pole.
+  for (std::size_t i = 0; sizeof(T) == 4 && i < rays.size(); ++i) EXPECT_TRUE(hits.hit(i)) << i;
+  EXPECT_EQ(scene.statistics().unresolved, 0u);
+  EXPECT_LE(scene.statistics().splits, 500u * 500);
+}
+TEST(Hostile, CollapsedEdgesTakeFewSplits) {
+  for (const bool use_newton : {false, true}) {
+    expect_few_splits_at_the_poles<float>(use_newton);
+    expect_few_splits_at_the_poles<double>(use_newton);
+  }
 }
 
 TEST(Hostile, NonManifoldCages) {

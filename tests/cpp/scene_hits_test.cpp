@@ -39,11 +39,6 @@ class SceneHitsTest : public testing::TestWithParam<std::filesystem::path> {
   bool is_model = false;  // one of many: fewer rays
 
   void SetUp() override {
-    // All vertices of valence 2: both sides coincide, and along the rim the surface has no tangent
-    // across it. docs/accuracy.md, section 7, tells what the bounds say then.
-    const std::string name = GetParam().stem().string();
-    if (name == "back_to_back" || name == "catmark_val2_back2back")
-      GTEST_SKIP() << "degenerate along its rim";
     is_model = GetParam().parent_path() != LIMITRAY_TEST_CAGES;
     if (cage.face_count() > most_faces) GTEST_SKIP() << cage.face_count() << " faces";
     scene.add_mesh(cage, {isolation_level});
@@ -108,6 +103,8 @@ void SceneHitsTest::expect_hits_on_the_limit(int n) {
     const LimitSample s =
         limit.evaluate(std::int32_t(hits.primitive_id[i]), std::int32_t(hits.sub_quad[i]),
                        double(hits.uv[2 * i]), double(hits.uv[2 * i + 1]));
+    // Along the rim of back_to_back one derivative vanishes: the surface has an edge, no normal.
+    if (std::min(length(s.dp_du), length(s.dp_dv)) < 1e-5 * radius) continue;
     const Vec3d off = s.point - rays.at(i, double(hits.t[i]));
     // docs/accuracy.md, section 4, of control values up to 2 R from a ray; t itself is rounded.
     const double u = std::numeric_limits<T>::epsilon() / 2;
@@ -138,7 +135,7 @@ TEST_P(SceneHitsTest, FloatAgreesWithDouble) {
 
 // Points inside a patch: both find the same face, but where a silhouette is near.
 TEST_P(SceneHitsTest, FloatAndDoubleNameTheSameFace) {
-  if (is_model) GTEST_SKIP() << "may have coincident faces";
+  if (is_model || GetParam().stem() == "back_to_back") GTEST_SKIP() << "faces may coincide";
   Rays<float> rays;
   Rays<double> exact;
   for (int i = 0; i < 1000; ++i) {

@@ -113,8 +113,8 @@ SubPatch<T> recover(const RootPatch<T>& root, T u0, T v0, T su, T sv) {
   s.bump_gain += 2 * worst * bump_slope<T>;
   return s;
 }
-template <class T, class Bits>
-SubPatch<T> recover(const RootPatch<T>& root, const Domain<Bits>& d) {
+template <class T, class Index, class Trail>
+SubPatch<T> recover(const RootPatch<T>& root, const Domain<Index, Trail>& d) {
   const T su = interval_size<T>(d.level_u), sv = interval_size<T>(d.level_v);
   return recover(root, T(d.index_u) * su, T(d.index_v) * sv, su, sv);
 }
@@ -130,7 +130,7 @@ template <class T>
 void split(const RootPatch<T>& root, const SubPatch<T>& s, bool across_u, SubPatch<T> (&child)[2]) {
   const T su = across_u ? s.size_u / 2 : s.size_u, sv = across_u ? s.size_v : s.size_v / 2;
   const T u1 = across_u ? s.u0 + su : s.u0, v1 = across_u ? s.v0 : s.v0 + sv;
-  if (root.gregory || s.size_v <= split_size<T>) {
+  if (root.gregory || std::min(s.size_u, s.size_v) <= split_size<T>) {
     child[0] = recover(root, s.u0, s.v0, su, sv);
     child[1] = recover(root, u1, v1, su, sv);
     return;
@@ -187,6 +187,26 @@ bool misses(const SubPatch<T>& s, T zmin, T zmax) {
   return misses_zero(s.x, s.dx) || misses_zero(s.y, s.dy) || all_above(s.z, zmax + s.dz) ||
          all_below(s.z, zmin - s.dz) || misses_across(s);
 }
+/// S3: whether the next split is across u: the direction along which the control values are farther
+/// apart, in eps of their component, so that no subpatch gets long and thin, even where all of an
+/// edge is one point or a derivative vanishes along it. What freezing a Gregory blend loses falls
+/// with the longer side of the domain: where that is most of the box, this side is split.
+template <class T, class D>
+bool splits_across_u(const RootPatch<T>& root, const SubPatch<T>& s, const D& d) {
+  if (d.level_u == max_level<T> || d.level_v == max_level<T>) return d.level_v == max_level<T>;
+  const T nx = 1 / root.eps_x, ny = 1 / root.eps_y, nz = 1 / root.eps_z;
+  const auto largest = [&](const Net<T>& x, const Net<T>& y, const Net<T>& z) {
+    return max_value(max(max(abs(nx * x), abs(ny * y)), abs(nz * z)));
+  };
+  const T along_u = largest(difference_u(s.x), difference_u(s.y), difference_u(s.z));
+  const T along_v = largest(difference_v(s.x), difference_v(s.y), difference_v(s.z));
+  if (root.gregory) {
+    const T slack = std::max(std::max(s.dx * nx, s.dy * ny), s.dz * nz) - 1;
+    if (slack > std::max(along_u, along_v)) return s.size_u >= s.size_v;
+  }
+  return along_u >= along_v;
+}
+
 /// S4: the box of the subpatch, slack included, is as small as the bounds allow to tell: within 3
 /// eps in each component.
 template <class T>
@@ -216,8 +236,9 @@ template <class T, bool use_newton, class OnHit>
     return;
   }
 
-  using Bits = std::conditional_t<std::is_same_v<T, float>, std::uint32_t, std::uint64_t>;
-  Domain<Bits> domain;
+  std::conditional_t<std::is_same_v<T, float>, Domain<std::uint32_t, std::uint64_t>,
+                     Domain<std::uint64_t, TrailOf128>>
+      domain;
   SubPatch<T> sub{root.x,
                   root.y,
                   root.z,
@@ -236,7 +257,7 @@ template <class T, bool use_newton, class OnHit>
   while (true) {
     bool done = false;  // with this subdomain
     // The whole patch was tried by its model; two splits later it pays to try again.
-    if (use_newton && domain.splits_u() && domain.level_u > 0) {
+    if (use_newton && domain.splits() > 0 && domain.splits() % 2 == 0) {
       PatchRoot<T> r{};
       const NewtonResult result =
           newton_on_subpatch(root, sub, r, count.newton_runs, count.newton_steps);  // S8
@@ -244,15 +265,15 @@ template <class T, bool use_newton, class OnHit>
       r.spread = r.radius * model.z_slope;
       if (result == NewtonResult::hit && on_hit(r, zmax)) return;
     }
-    const int deepest = std::max(domain.level_u, domain.level_v);
-    const bool at_end = !done && (deepest == max_level<T> || is_point(root, sub));
+    const int shallower = std::min(domain.level_u, domain.level_v);
+    const bool at_end = !done && (shallower == max_level<T> || is_point(root, sub));
     if (!done && (at_end || cluster.is_open())) done = cluster.absorb(sub, at_end);
     if (!done && at_end) {  // S4: terminate
       const T u = sub.u0 + sub.size_u / 2, v = sub.v0 + sub.size_v / 2;
       const T z = evaluate(root, u, v).z;
       // A point before the ray's start is no hit, and cannot stand for a cluster that reaches past
       // it.
-      if (z > ray.zmin + ray.eps_z) {
+      if (z > ray.z_start) {
         if (cluster.report(on_hit, zmax)) return;
         cluster.start({u, v, z, 0}, sub);
       }
@@ -266,12 +287,13 @@ template <class T, bool use_newton, class OnHit>
     if (!done) {  // S3: split
       ++count.splits;
       SubPatch<T> child[2];
-      split(root, sub, domain.splits_u(), child);
+      const bool across_u = splits_across_u(root, sub, domain);
+      split(root, sub, across_u, child);
       const bool hit0 = !misses(child[0], ray.zmin, zmax), hit1 = !misses(child[1], ray.zmin, zmax);
       if (hit0 || hit1) {
         // The nearer child first; its sibling goes into the trail.
-        const bool second = hit0 && hit1 ? second_is_nearer(sub, domain.splits_u()) : hit1;
-        domain.descend(second, hit0 && hit1);
+        const bool second = hit0 && hit1 ? second_is_nearer(sub, across_u) : hit1;
+        domain.descend(across_u, second, hit0 && hit1);
         sub = child[second];
         continue;
       }

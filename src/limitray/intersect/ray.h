@@ -38,6 +38,7 @@ struct PatchRay {
   T shear_x, shear_y;     // x = X + shear_x Z, y = Y + shear_y Z, with X, Y, Z relative to org
   T sign_z;               // z = sign_z Z grows along the ray
   T zmin, zmax;           // interval of z, widened by all rounding
+  T z_start;              // a z above it is reported as a t > tnear
   T eps;                  // bound on the rounding of x and y of a stored control value
   T eps_z;                // the same for z
   double t_origin, t_scale, z_scale;  // t = t_origin + z t_scale, z = (t - t_origin) z_scale
@@ -46,8 +47,7 @@ struct PatchRay {
   /// z at t, moved outward by the rounding on the way, that of t itself to T included.
   T z_above(double t) const { return outward(t, 1) + eps_z; }
   T z_below(double t) const { return outward(t, -1) - eps_z; }
-
- private:
+  /// The same without that of the surface.
   T outward(double t, double side) const {
     const double z = (t - t_origin) * z_scale;
     const double rounding = 4 * double(unit_roundoff<T>) * (std::abs(z) + std::abs(t) * z_scale);
@@ -128,6 +128,7 @@ template <class T>
   r.eps = T((32 * double(unit_roundoff<T>) * radius + eps_double) * (1 + 1e-6));
   r.eps_z = T((8 * double(unit_roundoff<T>) * radius + eps_double) * (1 + 1e-6));
   r.zmin = r.z_below(ray.tnear);
+  r.z_start = r.outward(ray.tnear, 1);
   r.zmax = r.z_above(ray.tfar);
   return true;
 }
