@@ -46,8 +46,7 @@ inline namespace LIMITRAY_ISA {
 
 /// A ray for the slab test, in the units of PatchRay's z.
 struct BoxRay {
-  Simd<float, 8> org[3], inv[3];
-  std::uint32_t near[3], far[3];  // where a node holds the near and far planes, in floats
+  float org[3], inv[3];
 };
 
 /// `r` must come from make_patch_ray for the space that the boxes live in.
@@ -58,15 +57,18 @@ BoxRay make_box_ray(const PatchRay<T>& r) {
   const float huge = std::numeric_limits<float>::max();
   const Quad<float> dir{float(r.dir[0]), float(r.dir[1]), float(r.dir[2]), 1};
   const Quad<float> inverse = min(max(1 / dir, Quad<float>{} - huge), Quad<float>{} + huge);
-  BoxRay b;
-  for (int i = 0; i < 3; ++i) {
-    b.org[i] = Simd<float, 8>{} + float(r.org[i]);
-    b.inv[i] = Simd<float, 8>{} + inverse[i];
-    b.near[i] = std::uint32_t(8 * i + (inverse[i] < 0 ? 24 : 0));
-    b.far[i] = std::uint32_t(8 * i + (inverse[i] < 0 ? 0 : 24));
-  }
-  return b;
+  return {{float(r.org[0]), float(r.org[1]), float(r.org[2])},
+          {inverse[0], inverse[1], inverse[2]}};
 }
+/// The same for all children of a node at once.
+struct BoxRays {
+  Simd<float, 8> org[3], inv[3];
+  explicit BoxRays(const BoxRay& r) {
+    for (int i = 0; i < 3; ++i) {
+      org[i] = Simd<float, 8>{} + r.org[i], inv[i] = Simd<float, 8>{} + r.inv[i];
+    }
+  }
+};
 
 inline Simd<float, 8> load8(const float* p) {
   Simd<float, 8> v;
@@ -74,15 +76,16 @@ inline Simd<float, 8> load8(const float* p) {
   return v;
 }
 /// One bit a child that the ray may meet between zmin and zmax; `entry` gets where it enters.
-inline unsigned intersect_boxes(const BvhNode& n, const BoxRay& r, float zmin, float zmax,
+inline unsigned intersect_boxes(const BvhNode& n, const BoxRays& r, float zmin, float zmax,
                                 Simd<float, 8>& entry) {
   using V = Simd<float, 8>;
-  const float* planes = &n.lo[0][0];  // lo, then hi: 24 floats each
-  V near = V{} + zmin, far = V{} + zmax;
+  V lo[3], hi[3];
   for (int i = 0; i < 3; ++i) {
-    near = max(near, V((load8(planes + r.near[i]) - r.org[i]) * r.inv[i]));
-    far = min(far, V((load8(planes + r.far[i]) - r.org[i]) * r.inv[i]));
+    const V a = (load8(n.lo[i]) - r.org[i]) * r.inv[i], b = (load8(n.hi[i]) - r.org[i]) * r.inv[i];
+    lo[i] = min(a, b), hi[i] = max(a, b);
   }
+  const V near = max(max(lo[0], lo[1]), max(lo[2], V(V{} + zmin)));
+  const V far = min(min(hi[0], hi[1]), min(hi[2], V(V{} + zmax)));
   entry = near;
 #if defined(LIMITRAY_AVX512)
   return _mm256_cmp_ps_mask(__m256(near), __m256(far), _CMP_LE_OQ);
@@ -122,38 +125,46 @@ inline std::uint32_t push_farther(const BvhNode& node, unsigned hits, const Simd
   return nearest.child;
 }
 
-/// Visits the items whose boxes the ray meets, nearer boxes first. `zmax()` gives the far end as it
-/// stands; prefetch(item) is called early for an item that is likely next, leaf(item) for each, and
-/// returns true to end the walk. Counts nodes.
-template <class Zmax, class Prefetch, class Leaf>
-void traverse(const BvhNode* nodes, const BoxRay& ray, float zmin, Zmax&& zmax, Prefetch&& prefetch,
-              Leaf&& leaf, std::uint64_t& node_visits) {
+/// A walk of one ray through a tree: what is left to visit.
+struct BvhWalk {
+  int size;
   BvhEntry stack[bvh_max_depth * (bvh_width - 1) + 1];
-  int size = 0;
-  std::uint32_t current = 0;
-  std::uint64_t visits = 0;
-  while (true) {
+
+  void begin() { size = 1, stack[0] = {0, -std::numeric_limits<float>::infinity()}; }
+  void end() { size = 0; }
+};
+/// What next_item returns at the end.
+inline constexpr std::uint32_t no_item = leaf_flag;
+
+/// The next item whose box the ray meets, nearer boxes first. `zmax` is the far end as it stands;
+/// prefetch(child) is called early for what is likely next. Counts nodes.
+template <class Prefetch>
+[[gnu::always_inline]] inline std::uint32_t next_item(const BvhNode* nodes, const BoxRay& ray,
+                                                      float zmin, float zmax, BvhWalk& walk,
+                                                      Prefetch&& prefetch,
+                                                      std::uint64_t& node_visits) {
+  const BoxRays rays(ray);
+  int size = walk.size;
+  while (size > 0) {
+    const BvhEntry e = walk.stack[--size];
+    if (e.z > zmax) continue;
+    std::uint32_t current = e.child;
     while (!(current & leaf_flag)) {
-      ++visits;
+      ++node_visits;
       const BvhNode& node = nodes[current];
       Simd<float, 8> entry;
-      const unsigned hits = intersect_boxes(node, ray, zmin, zmax(), entry);
-      if (!hits) goto pop;
+      const unsigned hits = intersect_boxes(node, rays, zmin, zmax, entry);
+      if (!hits) break;
       prefetch(node.child[std::countr_zero(hits)]);
-      current = push_farther(node, hits, entry, stack, size);
+      current = push_farther(node, hits, entry, walk.stack, size);
     }
-    if (leaf(current & ~leaf_flag)) break;
-  pop:
-    do {
-      if (size == 0) {
-        node_visits += visits;
-        return;
-      }
-      --size;
-    } while (stack[size].z > zmax());
-    current = stack[size].child;
+    if (current & leaf_flag) {
+      walk.size = size;
+      return current & ~leaf_flag;
+    }
   }
-  node_visits += visits;
+  walk.size = 0;
+  return no_item;
 }
 
 }  // namespace LIMITRAY_ISA

@@ -270,7 +270,7 @@ template <class T, bool use_newton, class OnHit>
     if (!done && (at_end || cluster.is_open())) done = cluster.absorb(sub, at_end);
     if (!done && at_end) {  // S4: terminate
       const T u = sub.u0 + sub.size_u / 2, v = sub.v0 + sub.size_v / 2;
-      const T z = evaluate(root, u, v).z;
+      const T z = evaluate_depth(root, u, v).z;
       // A point before the ray's start is no hit, and cannot stand for a cluster that reaches past
       // it.
       if (z > ray.z_start) {

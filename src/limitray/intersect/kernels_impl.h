@@ -5,6 +5,7 @@
 #include "limitray/bvh/bounds.h"
 #include "limitray/intersect/hit_attributes.h"
 #include "limitray/intersect/kernels.h"
+#include "limitray/intersect/stream.h"
 #include "limitray/patches/patch_model.h"
 
 namespace limitray {
@@ -19,98 +20,55 @@ ObjectRay load_ray(const RayBatch<T>& b, std::size_t i) {
           double(b.tfar[b.tfar.size() == 1 ? 0 : i])};
 }
 
-template <class T>
-const PatchBump<T>* bump_of(const GeometryView<T>& g, std::uint32_t leaf) {
-  const std::uint32_t b = g.infos[leaf].bump;
-  return b == no_bump ? nullptr : g.bumps + b;
+inline void add_counts(Statistics& s, const PatchCounters& c, std::size_t rays) {
+  s.rays += rays;
+  s.patch_tests += c.patch_tests;
+  s.early_outs += c.early_outs;
+  s.splits += c.splits;
+  s.backtracks += c.backtracks;
+  s.newton_runs += c.newton_runs;
+  s.newton_steps += c.newton_steps;
+  s.unresolved += c.unresolved;
 }
 
-/// Where a ray met a patch.
-template <class T>
-struct LeafHit {
-  double t = std::numeric_limits<double>::infinity();
-  std::uint32_t instance = invalid_id, leaf = invalid_id;
-  T s = 0, t_patch = 0;
-  double spread = 0;  // PatchRoot's, in units of t
-
-  /// Hits whose stretches of t touch are one: the nearer one stands for both.
-  void merge(const LeafHit& h) {
-    const double lo = std::min(t - spread, h.t - h.spread);
-    const double hi = std::max(t + spread, h.t + h.spread);
-    const bool touch = hi - lo <= 2 * (spread + h.spread);
-    if (h.t < t) *this = h;
-    if (touch) spread = std::max(hi - t, t - lo);
-  }
-};
-
-/// Meets `ray` (in the mesh's space) with one mesh. on_hit(LeafHit, ray) returns true to end; it
-/// may lower `tfar`.
+/// Meets a ray with everything in the scene, one patch after the other. on_hit(walk, LeafHit) as in
+/// SceneWalk::report.
 template <class T, bool use_newton, class OnHit>
-bool trace_geometry(const GeometryView<T>& g, std::uint32_t instance, const ObjectRay& ray,
-                    double& tfar, OnHit&& on_hit, PatchCounters& count, Statistics& stats) {
-  PatchRay<T> r;
-  ObjectRay clipped = ray;
-  clipped.tfar = tfar;
-  if (!g.nodes || !make_patch_ray(clipped, g.extent, r)) return false;
-  T zmax = r.zmax;
-  bool ended = false;
-  const auto leaf = [&](std::uint32_t k) {
-    intersect_patch<T, use_newton>(
-        g.nets[k], bump_of(g, k), g.models[k], r, zmax,
-        [&](const PatchRoot<T>& root, T& z) {
-          const double t = double(T(r.t_of(root.z)));  // as it will be reported
-          if (!(t > ray.tnear && t <= tfar)) return false;
-          ended = on_hit(
-              LeafHit<T>{t, instance, k, root.u, root.v, double(root.spread) * r.t_scale}, r);
-          z = std::min(z, r.z_above(tfar));  // on_hit keeps only what is nearer from now on
-          return ended;
-        },
-        count);
-    return ended;
-  };
-  // A leaf's model, or a node: the same address arithmetic serves as a guess for both.
-  const auto prefetch = [&](std::uint32_t child) {
-    const void* next = child & leaf_flag ? static_cast<const void*>(&g.models[child & ~leaf_flag])
-                                         : static_cast<const void*>(&g.nodes[child]);
-    __builtin_prefetch(next);
-  };
-  traverse(
-      g.nodes, make_box_ray(r), -float_up(-r.zmin), [&] { return float_up(zmax); }, prefetch, leaf,
-      stats.node_visits);
-  return ended;
+void trace_ray(const SceneView<T>& scene, SceneWalk<T>& walk, OnHit&& on_hit, PatchCounters& count,
+               Statistics& stats) {
+  count.before_ray = count.splits;
+  const auto hit = [&](const LeafHit<T>& h) { return on_hit(walk, h); };
+  while (walk.next_patch(scene, stats.node_visits))
+    if (walk.template meet_patch<use_newton>(hit, count)) return;
 }
 
-/// Meets ray i of a batch with everything in the scene. on_hit as above.
-template <class T, bool use_newton, class OnHit>
-void trace_scene(const SceneView<T>& scene, const ObjectRay& ray, double& tfar, OnHit&& on_hit,
-                 PatchCounters& count, Statistics& stats) {
-  const auto instance = [&](std::uint32_t i) {
-    const InstanceView& in = scene.instances[i];
-    const GeometryView<T>& g = scene.geometries[in.geometry];
-    if (in.identity) return trace_geometry<T, use_newton>(g, i, ray, tfar, on_hit, count, stats);
-    const ObjectRay local{in.to_object.point(ray.org), in.to_object.vector(ray.dir), ray.tnear,
-                          ray.tfar};
-    return trace_geometry<T, use_newton>(g, i, local, tfar, on_hit, count, stats);
-  };
-  if (scene.instances.size() == 1) {
-    instance(0);
-    return;
+/// Traces rays begin..end of a batch: float rays side by side, others one by one. on_end(i, ray,
+/// SceneWalk::best) is called once for each ray.
+template <class T, class OnHit, class OnEnd>
+void trace(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin, std::size_t end,
+           OnHit&& on_hit, OnEnd&& on_end, Statistics& stats) {
+  PatchCounters count;
+  const auto load = [&](std::size_t i) { return load_ray(rays, i); };
+  if constexpr (std::is_same_v<T, float>) {
+    if (scene.use_newton) {
+      RayStream(scene, load, on_hit, on_end, count, stats.node_visits).trace(begin, end);
+      return add_counts(stats, count, end - begin);
+    }
   }
-  PatchRay<T> r;
-  if (!scene.nodes || !make_patch_ray(ray, scene.extent, r)) return;
-  traverse(
-      scene.nodes, make_box_ray(r), -float_up(-r.zmin), [&] { return float_up(r.z_above(tfar)); },
-      [](std::uint32_t) {}, instance, stats.node_visits);
-}
-
-/// The same with the switch for S8 read at run time.
-template <class T, class OnHit>
-void trace(const SceneView<T>& scene, const ObjectRay& ray, double& tfar, OnHit&& on_hit,
-           PatchCounters& count, Statistics& stats) {
-  if (scene.use_newton)
-    trace_scene<T, true>(scene, ray, tfar, on_hit, count, stats);
-  else
-    trace_scene<T, false>(scene, ray, tfar, on_hit, count, stats);
+  SceneWalk<T> walk;
+  for (std::size_t i = begin; i < end; ++i) {
+    const ObjectRay ray = load(i);
+    if (!walk.begin(scene, ray)) {
+      on_end(i, ray, LeafHit<T>{});
+      continue;
+    }
+    if (scene.use_newton)
+      trace_ray<T, true>(scene, walk, on_hit, count, stats);
+    else
+      trace_ray<T, false>(scene, walk, on_hit, count, stats);
+    on_end(i, ray, walk.best);
+  }
+  add_counts(stats, count, end - begin);
 }
 
 template <class T>
@@ -181,84 +139,58 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
   }
 }
 
-inline void add_counts(Statistics& s, const PatchCounters& c, std::size_t rays) {
-  s.rays += rays;
-  s.patch_tests += c.patch_tests;
-  s.early_outs += c.early_outs;
-  s.splits += c.splits;
-  s.backtracks += c.backtracks;
-  s.newton_runs += c.newton_runs;
-  s.newton_steps += c.newton_steps;
-  s.unresolved += c.unresolved;
-}
-
 template <class T>
 void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin, std::size_t end,
              const HitArrays<T>& hits, Statistics& stats) {
-  PatchCounters count;
-  for (std::size_t i = begin; i < end; ++i) {
-    const ObjectRay ray = load_ray(rays, i);
-    count.before_ray = count.splits;
-    double tfar = ray.tfar;
-    LeafHit<T> best;
-    trace(
-        scene, ray, tfar,
-        [&](const LeafHit<T>& h, const PatchRay<T>&) {
-          best.merge(h);
-          tfar = std::min(ray.tfar, best.t + best.spread);
-          return false;
-        },
-        count, stats);
-    if (best.leaf == invalid_id)
-      write_miss(hits, i);
-    else
-      write_hit(scene, best, ray, hits, i);
-  }
-  add_counts(stats, count, end - begin);
+  trace<T>(
+      scene, rays, begin, end,
+      [](SceneWalk<T>& walk, const LeafHit<T>& h) {
+        walk.best.merge(h);
+        walk.tfar = std::min(walk.ray.tfar, walk.best.t + walk.best.spread);
+        return false;
+      },
+      [&](std::size_t i, const ObjectRay& ray, const LeafHit<T>& best) {
+        if (best.leaf == invalid_id)
+          write_miss(hits, i);
+        else
+          write_hit(scene, best, ray, hits, i);
+      },
+      stats);
 }
 
 template <class T>
 void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin,
               std::size_t end, std::uint8_t* out, Statistics& stats) {
-  PatchCounters count;
-  for (std::size_t i = begin; i < end; ++i) {
-    const ObjectRay ray = load_ray(rays, i);
-    count.before_ray = count.splits;
-    double tfar = ray.tfar;
-    out[i] = 0;
-    trace(
-        scene, ray, tfar,
-        [&](const LeafHit<T>&, const PatchRay<T>&) {
-          out[i] = 1;
-          return true;
-        },
-        count, stats);
-  }
-  add_counts(stats, count, end - begin);
+  trace<T>(
+      scene, rays, begin, end,
+      [](SceneWalk<T>& walk, const LeafHit<T>& h) {
+        walk.best = h;
+        return true;
+      },
+      [&](std::size_t i, const ObjectRay&, const LeafHit<T>& best) {
+        out[i] = best.leaf != invalid_id;
+      },
+      stats);
 }
 
 inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, std::size_t i,
                 std::vector<Intersection>& out, Statistics& stats) {
-  const ObjectRay ray = load_ray(rays, i);
-  double tfar = ray.tfar;
-  PatchCounters count;
-  trace(
-      scene, ray, tfar,
-      [&](const LeafHit<double>& h, const PatchRay<double>& r) {
-        const InstanceView& in = scene.instances[h.instance];
-        const GeometryView<double>& g = scene.geometries[in.geometry];
-        const PatchInfo& info = g.infos[h.leaf];
-        const auto p = evaluate_patch(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch);
-        Vec3d n = unit_normal(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch, p);
-        n = normal_to_world(in, g.left_handed ? -1.0 * n : n);
-        const double e = t_rounding(g.models[h.leaf], r) + h.spread;
-        out.push_back({h.t, e + unit_roundoff<double> * std::abs(h.t), info.u0 + h.s * info.du,
-                       info.v0 + h.t_patch * info.dv, n, dot(n, ray.dir) < 0, h.instance, info.face,
-                       info.sub_quad});
-        return false;
-      },
-      count, stats);
-  add_counts(stats, count, 1);
+  const auto add = [&](SceneWalk<double>& walk, const LeafHit<double>& h) {
+    const InstanceView& in = scene.instances[h.instance];
+    const GeometryView<double>& g = walk.geometry();
+    const PatchInfo& info = g.infos[h.leaf];
+    const auto p = evaluate_patch(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch);
+    Vec3d n = unit_normal(g.nets[h.leaf], bump_of(g, h.leaf), h.s, h.t_patch, p);
+    n = normal_to_world(in, g.left_handed ? -1.0 * n : n);
+    const double e = t_rounding(g.models[h.leaf], walk.frame) + h.spread;
+    out.push_back({h.t, e + unit_roundoff<double> * std::abs(h.t), info.u0 + h.s * info.du,
+                   info.v0 + h.t_patch * info.dv, n, dot(n, walk.ray.dir) < 0, h.instance,
+                   info.face, info.sub_quad});
+    return false;
+  };
+  trace<double>(
+      scene, rays, i, i + 1, add,
+      [](std::size_t, const ObjectRay&, const LeafHit<double>&) {}, stats);
 }
 
 /// Meets a ray with one patch of a mesh; on_hit(root, t, zmax) returns true to end the search.

@@ -23,9 +23,13 @@
 // there is no p on the domain: a certain miss. |F_v| counts as 0 if v stands on its border pointing
 // outward, too (its rho only helps). What is near zero and not certainly absent by (2) is a hit:
 // the shortcut never turns a hit into a miss.
+//
+// `V` is a number, or one number for each of several rays (math/lanes.h); then each ray keeps what
+// it has once it is decided, and the steps go on until all are.
 #pragma once
 
 #include "limitray/intersect/root_patch.h"
+#include "limitray/math/lanes.h"
 
 namespace limitray {
 inline namespace LIMITRAY_ISA {
@@ -41,124 +45,178 @@ struct SubPatch {
 
 enum class NewtonResult { hit, miss, undecided };
 
-template <class T>
+template <class V>
 struct PatchRoot {
-  T u, v, z;
-  T radius;      // bound on the parametric distance to the surface's own hit
-  T spread = 0;  // bound on the distance in depth, rounding aside
+  V u, v, z;
+  V radius;      // bound on the parametric distance to the surface's own hit
+  V spread{};    // bound on the distance in depth, rounding aside
 };
 
 /// M, e and K of the head comment.
-template <class T>
+template <class V>
 struct Contraction {
-  T m_uu, m_uv, m_vu, m_vv;
-  T e_u, e_v;
-  T uu, uv, vu, vv, det;  // K, and det(I - K)
+  using T = Element<V>;
+  V m_uu, m_uv, m_vu, m_vv;
+  V e_u, e_v;
+  V uu, uv, vu, vv, det;  // K, and det(I - K)
+  V by_u, by_v, by_det;   // 1 / (1 - uu), 1 / (1 - vv), 1 / det
 
   /// M from the Jacobian at the middle, e from the bounds of x and y.
-  Contraction(T x_u, T x_v, T y_u, T y_v, T eps_x, T eps_y) {
-    const T inverse = 1 / (x_u * y_v - x_v * y_u);
+  Contraction(V x_u, V x_v, V y_u, V y_v, V eps_x, V eps_y) {
+    const V inverse = T(1) / (x_u * y_v - x_v * y_u);
     m_uu = y_v * inverse, m_uv = -x_v * inverse;
     m_vu = -y_u * inverse, m_vv = x_u * inverse;
-    e_u = std::abs(m_uu) * eps_x + std::abs(m_uv) * eps_y;
-    e_v = std::abs(m_vu) * eps_x + std::abs(m_vv) * eps_y;
+    e_u = abs(m_uu) * eps_x + abs(m_uv) * eps_y;
+    e_v = abs(m_vu) * eps_x + abs(m_vv) * eps_y;
   }
-  void set(T k_uu, T k_uv, T k_vu, T k_vv) {
+  void set(V k_uu, V k_uv, V k_vu, V k_vv) {
     uu = k_uu, uv = k_uv, vu = k_vu, vv = k_vv;
-    det = (1 - uu) * (1 - vv) - uv * vu;
+    det = (T(1) - uu) * (T(1) - vv) - uv * vu;
+    by_u = T(1) / (T(1) - uu), by_v = T(1) / (T(1) - vv), by_det = T(1) / det;
   }
   /// False for a singular Jacobian, too (infinities and NaN fail the compares).
-  bool one_to_one() const { return uu < T(0.95) && vv < T(0.95) && det > T(0.02); }
+  auto one_to_one() const { return (uu < T(0.95)) & (vv < T(0.95)) & (det > T(0.02)); }
   /// Rule (2): out points outward by r_out.
-  bool beyond_u(T r_u, T r_v) const { return r_u > e_u + uv * (r_v + e_v) / (1 - vv); }
-  bool beyond_v(T r_v, T r_u) const { return r_v > e_v + vu * (r_u + e_u) / (1 - uu); }
+  auto beyond_u(V r_u, V r_v) const { return r_u > e_u + uv * (r_v + e_v) * by_v; }
+  auto beyond_v(V r_v, V r_u) const { return r_v > e_v + vu * (r_u + e_u) * by_u; }
   /// Largest component of (I - K)^-1 (|r| + e).
-  T radius(T r_u, T r_v) const {
-    const T a = r_u + e_u, b = r_v + e_v;
-    return std::max((1 - vv) * a + uv * b, vu * a + (1 - uu) * b) / det;
+  V radius(V r_u, V r_v) const {
+    const V a = r_u + e_u, b = r_v + e_v;
+    return max(V((T(1) - vv) * a + uv * b), V(vu * a + (T(1) - uu) * b)) * by_det;
   }
 };
 
-template <class T>
+template <class V>
 struct Interval {
-  T lo, hi;
-  T clamp(T x) const { return std::min(std::max(x, lo), hi); }
+  V lo, hi;
+  V clamp(V x) const { return min(max(x, lo), hi); }
 };
 
-/// Clamped Newton steps from (u,v) on the domain, under a contraction. A step whose end is certain
-/// to be within `eps` of zero (curvature * step^2) is taken without looking again.
-template <class T>
-[[gnu::always_inline]] inline NewtonResult newton_steps(const RootPatch<T>& root,
-                                                        const Contraction<T>& k, T curvature,
-                                                        Interval<T> in_u, Interval<T> in_v, T u,
-                                                        T v, PatchRoot<T>& out,
-                                                        std::uint32_t& steps) {
-  for (int step = 0; step < 8; ++step) {
-    const RaySample<T> p = evaluate(root, u, v);
-    ++steps;
-    const T r_u = k.m_uu * p.x + k.m_uv * p.y, r_v = k.m_vu * p.x + k.m_vv * p.y;
+/// Which rays are decided, and how.
+template <class V>
+struct NewtonOutcome {
+  MaskOf<V> hit, miss;
+};
+
+/// Clamped Newton steps from (u,v) on the domain, under a contraction, for the rays in `active`. A
+/// step whose end is certain to be within `eps` of zero (curvature * step^2) is taken without
+/// looking again.
+template <class Patch, class V>
+[[gnu::always_inline]] inline NewtonOutcome<V> newton_steps(const Patch& patch,
+                                                            const Contraction<V>& k, V curvature,
+                                                            Interval<V> in_u, Interval<V> in_v, V u,
+                                                            V v, MaskOf<V> active,
+                                                            PatchRoot<V>& out,
+                                                            std::uint32_t& steps) {
+  using T = Element<V>;
+  const MaskOf<V> none = V{} < V{};
+  NewtonOutcome<V> outcome{none, none};
+  // Where each ray was seen last, and the step that it took from there.
+  V u_seen = u, v_seen = v, u_step{}, v_step{};
+  V radius{};
+  for (int step = 0; step < 8 && any(active); ++step) {
+    const RaySample<V> p = evaluate(patch, u, v);
+    steps += std::uint32_t(count(active));
+    const V r_u = k.m_uu * p.x + k.m_uv * p.y, r_v = k.m_vu * p.x + k.m_vv * p.y;
     // Which borders (u,v) stands on with F pointing outward.
-    const bool out_u = (u == in_u.lo && r_u > 0) || (u == in_u.hi && r_u < 0);
-    const bool out_v = (v == in_v.lo && r_v > 0) || (v == in_v.hi && r_v < 0);
-    const T a_u = std::abs(r_u), a_v = std::abs(r_v);
-    if (out_u && k.beyond_u(a_u, out_v ? T(0) : a_v)) return NewtonResult::miss;
-    if (out_v && k.beyond_v(a_v, out_u ? T(0) : a_u)) return NewtonResult::miss;
+    const auto out_u = ((u == in_u.lo) & (r_u > V{})) | ((u == in_u.hi) & (r_u < V{}));
+    const auto out_v = ((v == in_v.lo) & (r_v > V{})) | ((v == in_v.hi) & (r_v < V{}));
+    const V a_u = abs(r_u), a_v = abs(r_v);
+    const auto miss = (out_u & k.beyond_u(a_u, select(out_v, V{}, a_v))) |
+                      (out_v & k.beyond_v(a_v, select(out_u, V{}, a_u)));
     // Where M is large, F may be within its noise e although x and y are not within theirs yet.
-    const bool near = std::abs(p.x) <= 4 * root.eps_x && std::abs(p.y) <= 4 * root.eps_y;
-    if (near && (out_u || a_u <= k.e_u) && (out_v || a_v <= k.e_v)) {
-      out = {u, v, p.z, k.radius(a_u, a_v)};
-      return NewtonResult::hit;
+    const auto near = (abs(p.x) <= T(4) * patch.eps_x) & (abs(p.y) <= T(4) * patch.eps_y);
+    const auto there = near & (out_u | (a_u <= k.e_u)) & (out_v | (a_v <= k.e_v));
+    outcome.miss |= active & miss;
+    const MaskOf<V> arrives = active & there & (miss == none);
+    outcome.hit |= arrives;
+    u_seen = select(active, u, u_seen), v_seen = select(active, v, v_seen);
+    radius = select(arrives, k.radius(a_u, a_v), radius);
+    active &= (outcome.miss | outcome.hit) == none;
+    if (!any(active)) break;
+    // Newton step, held inside the domain.
+    const V inverse = T(1) / (p.x_u * p.y_v - p.x_v * p.y_u);
+    const V du = (p.x_v * p.y - p.y_v * p.x) * inverse, dv = (p.y_u * p.x - p.x_u * p.y) * inverse;
+    const V nu = in_u.clamp(u + du), nv = in_v.clamp(v + dv);
+    const MaskOf<V> held_u = nu != u + du, held_v = nv != v + dv;
+    const V longest = max(abs(du), abs(dv));
+    const MaskOf<V> blind = active & (held_u == none) & (held_v == none) &
+                            (curvature * longest * longest <= min(patch.eps_x, patch.eps_y));
+    outcome.hit |= blind;
+    u_step = select(blind, du, u_step), v_step = select(blind, dv, v_step);
+    radius = select(blind, k.radius(k.e_u, k.e_v), radius);
+    active &= blind == none;
+    V next_u = nu, next_v = nv;
+    if (any(active & (held_u != held_v))) {
+      // A clamped direction hands its share to the other.
+      const V f_uu = k.m_uu * p.x_u + k.m_uv * p.y_u, f_uv = k.m_uu * p.x_v + k.m_uv * p.y_v;
+      const V f_vu = k.m_vu * p.x_u + k.m_vv * p.y_u, f_vv = k.m_vu * p.x_v + k.m_vv * p.y_v;
+      const V slid_u = in_u.clamp(u - (r_u + f_uv * (nv - v)) / f_uu);
+      const V slid_v = in_v.clamp(v - (r_v + f_vu * (nu - u)) / f_vv);
+      next_u = select(held_v & (held_u == none), slid_u, nu);
+      next_v = select(held_u & (held_v == none), slid_v, nv);
     }
-    // Newton step, held inside the domain: a clamped direction hands its share to the other.
-    const T inverse = 1 / (p.x_u * p.y_v - p.x_v * p.y_u);
-    const T du = (p.x_v * p.y - p.y_v * p.x) * inverse, dv = (p.y_u * p.x - p.x_u * p.y) * inverse;
-    const T nu = in_u.clamp(u + du), nv = in_v.clamp(v + dv);
-    const bool held_u = nu != u + du, held_v = nv != v + dv;
-    if (!held_u && !held_v) {
-      const T longest = std::max(std::abs(du), std::abs(dv));
-      if (curvature * longest * longest <= std::min(root.eps_x, root.eps_y)) {
-        out = {nu, nv, p.z + p.z_u * du + p.z_v * dv, k.radius(k.e_u, k.e_v)};
-        return NewtonResult::hit;
-      }
-      u = nu, v = nv;
-    } else if (held_u && !held_v) {
-      const T f_u = k.m_vu * p.x_u + k.m_vv * p.y_u, f_v = k.m_vu * p.x_v + k.m_vv * p.y_v;
-      v = in_v.clamp(v - (r_v + f_u * (nu - u)) / f_v);
-      u = nu;
-    } else if (held_v && !held_u) {
-      const T f_u = k.m_uu * p.x_u + k.m_uv * p.y_u, f_v = k.m_uu * p.x_v + k.m_uv * p.y_v;
-      u = in_u.clamp(u - (r_u + f_v * (nv - v)) / f_u);
-      v = nv;
-    } else {
-      u = nu, v = nv;
-    }
+    u = next_u, v = next_v;
   }
-  return NewtonResult::undecided;
+  const DepthSample<V> d = evaluate_depth(patch, u_seen, v_seen);
+  out = {u_seen + u_step, v_seen + v_step, d.z + d.z_u * u_step + d.z_v * v_step, radius, V{}};
+  return outcome;
 }
 
-/// S8 on a whole patch by its first order model: most rays are decided here, before or after
-/// reading the patch itself; reading it counts as a run.
+/// S8 on whole patches by their first order models, before reading the patches themselves.
+template <class V>
+struct ModelTest {
+  using T = Element<V>;
+  Contraction<V> k;
+  V u, v;                   // the model's own root
+  MaskOf<V> decided, miss;  // `decided`: at most one hit, which newton_steps finds
+
+  explicit ModelTest(const ProjectedModel<V>& m)
+      : k(m.x_u, m.x_v, m.y_u, m.y_v, m.eps_x, m.eps_y) {
+    const T half = T(0.5);
+    u = half - (k.m_uu * m.x + k.m_uv * m.y), v = half - (k.m_vu * m.x + k.m_vv * m.y);
+    const V a_uu = abs(k.m_uu), a_uv = abs(k.m_uv), a_vu = abs(k.m_vu), a_vv = abs(k.m_vv);
+    set(a_uu * m.dx_u + a_uv * m.dy_u, a_uu * m.dx_v + a_uv * m.dy_v, a_vu * m.dx_u + a_vv * m.dy_u,
+        a_vu * m.dx_v + a_vv * m.dy_v);
+  }
+  /// Decides by this K.
+  void set(V k_uu, V k_uv, V k_vu, V k_vv) {
+    k.set(k_uu, k_uv, k_vu, k_vv);
+    decided = k.one_to_one();
+    // Krawczyk: every hit is in this box around the root of the model.
+    const V reach_u = T(0.5) * (k.uu + k.uv) + k.e_u, reach_v = T(0.5) * (k.vu + k.vv) + k.e_v;
+    miss = decided & ((u + reach_u < T(0)) | (u - reach_u > T(1)) | (v + reach_v < T(0)) |
+                      (v - reach_v > T(1)));
+  }
+};
+/// The patch's hit, for the rays in `active`, whose patches the model did not decide to be missed.
+template <class Patch, class V>
+[[gnu::always_inline]] inline NewtonOutcome<V> newton_on_patch(const Patch& patch,
+                                                               const ModelTest<V>& test,
+                                                               V curvature, MaskOf<V> active,
+                                                               PatchRoot<V>& out,
+                                                               std::uint32_t& steps) {
+  using T = Element<V>;
+  const Interval<V> unit{V{}, V{} + T(1)};
+  return newton_steps(patch, test.k, V(T(2) * curvature), unit, unit, unit.clamp(test.u),
+                      unit.clamp(test.v), active, out, steps);
+}
+
+inline NewtonResult result_of(bool hit, bool miss) {
+  return hit ? NewtonResult::hit : miss ? NewtonResult::miss : NewtonResult::undecided;
+}
+/// Both for one ray; reading the patch counts as a run.
 template <class T>
 [[gnu::always_inline]] inline NewtonResult newton_on_model(
     const ProjectedModel<T>& m, T curvature, const PatchNet<T>& net, const PatchBump<T>* bump,
     const PatchRay<T>& r, PatchRoot<T>& out, std::uint32_t& runs, std::uint32_t& steps) {
-  Contraction<T> k(m.x_u, m.x_v, m.y_u, m.y_v, m.eps_x, m.eps_y);
-  const T a_uu = std::abs(k.m_uu), a_uv = std::abs(k.m_uv), a_vu = std::abs(k.m_vu),
-          a_vv = std::abs(k.m_vv);
-  k.set(a_uu * m.dx_u + a_uv * m.dy_u, a_uu * m.dx_v + a_uv * m.dy_v, a_vu * m.dx_u + a_vv * m.dy_u,
-        a_vu * m.dx_v + a_vv * m.dy_v);
-  if (!k.one_to_one()) return NewtonResult::undecided;
-  // Krawczyk: every hit is in this box around the root of the model.
-  const T half = T(0.5);
-  const T u = half - (k.m_uu * m.x + k.m_uv * m.y), v = half - (k.m_vu * m.x + k.m_vv * m.y);
-  const T reach_u = half * (k.uu + k.uv) + k.e_u, reach_v = half * (k.vu + k.vv) + k.e_v;
-  if (u + reach_u < 0 || u - reach_u > 1 || v + reach_v < 0 || v - reach_v > 1)
-    return NewtonResult::miss;
-
+  const ModelTest<T> test(m);
+  if (!test.decided) return NewtonResult::undecided;
+  if (test.miss) return NewtonResult::miss;
   ++runs;
   const RootPatch<T> root = to_ray_frame(net, bump, r, m);
-  const Interval<T> unit{0, 1};
-  return newton_steps(root, k, 2 * curvature, unit, unit, unit.clamp(u), unit.clamp(v), out, steps);
+  const NewtonOutcome<T> o = newton_on_patch(root, test, curvature, true, out, steps);
+  return result_of(o.hit, o.miss);
 }
 
 /// S8 on a subpatch, its K from its own net.
@@ -186,8 +244,9 @@ NewtonResult newton_on_subpatch(const RootPatch<T>& root, const SubPatch<T>& s, 
   const Interval<T> in_u{s.u0, s.u0 + s.size_u}, in_v{s.v0, s.v0 + s.size_v};
   const T start_u = u - (k.m_uu * p.x + k.m_uv * p.y), start_v = v - (k.m_vu * p.x + k.m_vv * p.y);
   const T infinity = std::numeric_limits<T>::infinity();
-  return newton_steps(root, k, infinity, in_u, in_v, in_u.clamp(start_u), in_v.clamp(start_v), out,
-                      steps);
+  const NewtonOutcome<T> o = newton_steps(root, k, infinity, in_u, in_v, in_u.clamp(start_u),
+                                          in_v.clamp(start_v), true, out, steps);
+  return result_of(o.hit, o.miss);
 }
 
 }  // namespace LIMITRAY_ISA

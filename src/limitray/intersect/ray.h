@@ -12,7 +12,7 @@
 #include <cmath>
 #include <limits>
 
-#include "limitray/math/net.h"
+#include "limitray/math/lanes.h"
 #include "limitray/math/vec.h"
 
 namespace limitray {
@@ -28,6 +28,15 @@ inline namespace LIMITRAY_ISA {
 /// Unit roundoff: half of the gap above 1.
 template <class T>
 inline constexpr T unit_roundoff = std::numeric_limits<T>::epsilon() / 2;
+
+/// z at t, moved to one side by the rounding on the way, that of t itself to T included.
+template <class T, class V>
+V outward(V t, double side, V t_origin, V z_scale) {
+  const V z = (t - t_origin) * z_scale;
+  const V rounding = (4 * double(unit_roundoff<T>)) * (abs(z) + abs(t) * z_scale);
+  const V limit = V{} + double(std::numeric_limits<T>::max()) / 2;
+  return min(max(V(z + side * rounding), V(-limit)), limit);
+}
 
 template <class T>
 struct PatchRay {
@@ -45,14 +54,17 @@ struct PatchRay {
 
   double t_of(double z) const { return t_origin + z * t_scale; }
   /// z at t, moved outward by the rounding on the way, that of t itself to T included.
-  T z_above(double t) const { return outward(t, 1) + eps_z; }
-  T z_below(double t) const { return outward(t, -1) - eps_z; }
-  /// The same without that of the surface.
-  T outward(double t, double side) const {
-    const double z = (t - t_origin) * z_scale;
-    const double rounding = 4 * double(unit_roundoff<T>) * (std::abs(z) + std::abs(t) * z_scale);
-    const double limit = double(std::numeric_limits<T>::max()) / 2;
-    return T(std::min(std::max(z + side * rounding, -limit), limit));
+  T z_above(double t) const { return T(outward<T>(t, 1, t_origin, z_scale)) + eps_z; }
+  T z_below(double t) const { return T(outward<T>(t, -1, t_origin, z_scale)) - eps_z; }
+
+  /// The frame for the dominant axis z, from org and dir.
+  void set_axes(int z) {
+    axis_z = z;
+    axis_x = z == 2 ? 0 : z + 1;
+    axis_y = axis_x == 2 ? 0 : axis_x + 1;
+    org_x = org[axis_x], org_y = org[axis_y], org_z = org[axis_z];
+    sign_z = dir[axis_z] > 0 ? T(1) : T(-1);
+    shear_x = -sign_z * dir[axis_x], shear_y = -sign_z * dir[axis_y];
   }
 };
 
@@ -72,64 +84,82 @@ struct Extent {
   double radius;
 };
 
-/// S1 for the mesh in `extent`. Returns false if the ray cannot meet it, is not finite or has no
-/// direction.
+/// S1 for the mesh in `extent`, in double: for one ray, or for several side by side (V a vector, see
+/// math/lanes.h). `meets` is false if a ray cannot meet the mesh, is not finite or has no direction;
+/// then the rest says nothing.
 ///
-/// Rounding (docs/accuracy.md, section 1). Let R = radius, u the unit roundoff. The moved origin is
-/// in the extent, so a control value is off by u R, org by u R, and both are at most D = 2 R apart.
-/// The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by 2 u, its
-/// product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u D + 2u
-/// D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and in Z: 30 u
-/// R; 32 u R covers the higher orders. The move in double adds 8 roundings of the way, the patches
-/// as the refiner computes them (within 5 roundings of R in double) 16 more of R: eps_double.
+/// Rounding (docs/accuracy.md, section 1). Let R = radius, u the unit roundoff of T. The moved
+/// origin is in the extent, so a control value is off by u R, org by u R, and both are at most D = 2
+/// R apart. The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by
+/// 2 u, its product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u
+/// D + 2u D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and in Z:
+/// 30 u R; 32 u R covers the higher orders. The move in double adds 8 roundings of the way, the
+/// patches as the refiner computes them (within 5 roundings of R in double) 16 more of R:
+/// eps_double.
+template <class V, class T>
+struct RayFrame {
+  MaskOf<V> meets;
+  MaskOf<V> z_is_1, z_is_2;  // the dominant axis; 0 if neither
+  V moved[3], n[3];          // PatchRay's org and dir
+  V t_origin, t_scale, z_scale, eps, eps_z;
+  V from, to, start;         // zmin, zmax without eps_z, and z_start
+
+  RayFrame(const V (&org)[3], const V (&dir)[3], V tnear, V tfar, const Extent& extent) {
+    V o[3], ad[3];
+    for (int i = 0; i < 3; ++i) o[i] = org[i] - extent.center[i], ad[i] = abs(dir[i]);
+    z_is_1 = ad[1] > ad[0];
+    z_scale = max(ad[0], ad[1]);
+    z_is_2 = ad[2] > z_scale;
+    z_is_1 &= (z_is_2 == (V{} < V{}));
+    z_scale = max(ad[2], z_scale);
+
+    // The slabs of the extent, in z. Where the direction is 0, its planes are at +-huge (or at 0 on
+    // the border, which is padding only). What is not finite stays so.
+    const V huge = V{} + 1e200;
+    V entry = -huge, exit = huge, finite = V{};
+    for (int i = 0; i < 3; ++i) {
+      const V inverse = min(huge, max(V(-huge), V(z_scale / dir[i])));
+      const V a = (-extent.half[i] - o[i]) * inverse, b = (extent.half[i] - o[i]) * inverse;
+      const V lo = min(a, b);
+      entry = max(entry, lo), exit = min(exit, max(a, b));
+      finite += lo;
+    }
+    meets = (finite * 0.0 == 0.0) & (z_scale > 1e-290) & (entry <= exit) &
+            (exit >= tnear * z_scale) & (entry <= tfar * z_scale) & (tnear < tfar);
+
+    t_scale = 1.0 / z_scale;
+    const V s = min(max(V{}, entry), exit);
+    for (int i = 0; i < 3; ++i) n[i] = t_scale * dir[i], moved[i] = o[i] + s * n[i];
+    const V far = max(max(V(abs(o[0])), V(abs(o[1]))), V(abs(o[2]))) + abs(s);
+    const V eps_double = unit_roundoff<double> * (8.0 * far + 16 * extent.radius);
+    const double u_radius = double(unit_roundoff<T>) * extent.radius;
+    eps = (32 * u_radius + eps_double) * (1 + 1e-6);
+    eps_z = (8 * u_radius + eps_double) * (1 + 1e-6);
+    t_origin = s * t_scale;
+    from = outward<T>(tnear, -1, t_origin, z_scale);
+    start = outward<T>(tnear, 1, t_origin, z_scale);
+    to = outward<T>(tfar, 1, t_origin, z_scale);
+  }
+  /// Rounds the frame of one of the rays.
+  void store(int lane, PatchRay<T>& r) const {
+    const auto at = [lane](const auto& v) { return lane_of(v, lane); };
+    for (int i = 0; i < 3; ++i) r.org[i] = T(at(moved[i])), r.dir[i] = T(at(n[i]));
+    r.t_origin = at(t_origin), r.t_scale = at(t_scale), r.z_scale = at(z_scale);
+    r.eps = T(at(eps)), r.eps_z = T(at(eps_z));
+    r.zmin = T(at(from)) - r.eps_z, r.z_start = T(at(start)), r.zmax = T(at(to)) + r.eps_z;
+    r.set_axes(at(z_is_2) ? 2 : at(z_is_1) != 0);
+  }
+};
+
+/// S1 for one ray. Returns RayFrame::meets.
 template <class T>
 [[gnu::always_inline]] inline bool make_patch_ray(const ObjectRay& ray, const Extent& extent,
                                                   PatchRay<T>& r) {
-  using V = Quad<double>;
-  const Vec3d& c = extent.center;
-  const V o = V{ray.org.x, ray.org.y, ray.org.z, 0} - V{c.x, c.y, c.z, 0};
-  const V d{ray.dir.x, ray.dir.y, ray.dir.z, 0};
-  const V half{extent.half.x, extent.half.y, extent.half.z, 0};
-  const V ad = abs(d);
-  int largest = ad[1] > ad[0];
-  r.z_scale = std::max(ad[0], ad[1]);
-  largest = ad[2] > r.z_scale ? 2 : largest;
-  r.z_scale = std::max(r.z_scale, ad[2]);
-
-  // The slabs of the extent, in z. Where the direction is 0, its planes are at +-huge (or at 0 on
-  // the border, which is padding only). What is not finite stays so.
-  const V huge = V{} + 1e200;
-  const V inverse = min(huge, max(V(-huge), V(r.z_scale / d)));
-  const V a = (-half - o) * inverse, b = (half - o) * inverse;
-  const V lo = min(a, b), hi = max(a, b);
-  const double entry = std::max(std::max(lo[0], lo[1]), lo[2]);
-  const double exit = std::min(std::min(hi[0], hi[1]), hi[2]);
-  const bool finite = (lo[0] + lo[1] + lo[2]) * 0 == 0 && r.z_scale > 1e-290;
-  if (!(finite && entry <= exit && exit >= ray.tnear * r.z_scale && entry <= ray.tfar * r.z_scale &&
-        ray.tnear < ray.tfar))
-    return false;
-
-  r.t_scale = 1 / r.z_scale;
-  const V n = r.t_scale * d;
-  const double s = std::min(std::max(0.0, entry), exit);
-  const V moved = o + s * n;
-  const double far = std::max({std::abs(o[0]), std::abs(o[1]), std::abs(o[2])}) + std::abs(s);
-  const double eps_double = unit_roundoff<double> * (8 * far + 16 * extent.radius);
-  for (int i = 0; i < 3; ++i) r.org[i] = T(moved[i]), r.dir[i] = T(n[i]);
-  r.axis_z = largest;
-  r.axis_x = largest == 2 ? 0 : largest + 1;
-  r.axis_y = r.axis_x == 2 ? 0 : r.axis_x + 1;
-  r.org_x = r.org[r.axis_x], r.org_y = r.org[r.axis_y], r.org_z = r.org[r.axis_z];
-  r.t_origin = s * r.t_scale;
-  r.sign_z = T(n[largest]) > 0 ? T(1) : T(-1);
-  r.shear_x = -r.sign_z * r.dir[r.axis_x];
-  r.shear_y = -r.sign_z * r.dir[r.axis_y];
-  const double radius = extent.radius;
-  r.eps = T((32 * double(unit_roundoff<T>) * radius + eps_double) * (1 + 1e-6));
-  r.eps_z = T((8 * double(unit_roundoff<T>) * radius + eps_double) * (1 + 1e-6));
-  r.zmin = r.z_below(ray.tnear);
-  r.z_start = r.outward(ray.tnear, 1);
-  r.zmax = r.z_above(ray.tfar);
+  const double org[3] = {ray.org.x, ray.org.y, ray.org.z};
+  const double dir[3] = {ray.dir.x, ray.dir.y, ray.dir.z};
+  const RayFrame<double, T> f(org, dir, ray.tnear, ray.tfar, extent);
+  if (!f.meets) return false;
+  f.store(0, r);
   return true;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "limitray/intersect/ray.h"
+#include "limitray/math/lanes.h"
 #include "limitray/patches/gregory.h"
 #include "limitray/patches/patch_buffer.h"
 
@@ -10,27 +11,28 @@ namespace limitray {
 inline namespace LIMITRAY_ISA {
 
 /// A patch's first order model in the frame of a ray: values at its middle, derivatives, how far
-/// the derivatives stray (|x_u - x_u(middle)| <= dx_u), and the bounds on all rounding.
-template <class T>
+/// the derivatives stray (|x_u - x_u(middle)| <= dx_u), and the bounds on all rounding. V is a
+/// number, or one for each of several rays (math/lanes.h).
+template <class V>
 struct ProjectedModel {
-  T x, y, z;
-  T x_u, x_v, y_u, y_v;
-  T dx_u, dx_v, dy_u, dy_v;
-  T z_slope;  // bound on |z_u| + |z_v|
-  T eps_x, eps_y, eps_z;
+  V x, y, z;
+  V x_u, x_v, y_u, y_v;
+  V dx_u, dx_v, dy_u, dy_v;
+  V z_slope;  // bound on |z_u| + |z_v|
+  V eps_x, eps_y, eps_z;
 };
 /// Charges the rounding of everything computed from the patch: the local frame (2 u), then either
 /// evaluation (37 u max|net|) or recovery and the splits after it (14 u + 48 u), together at most
 /// 64 u. No control value is farther from the middle than the derivatives reach. docs/accuracy.md,
 /// section 2.
-template <class T>
-[[gnu::always_inline]] inline ProjectedModel<T> project(const PatchModel<T>& m,
-                                                        const PatchRay<T>& r) {
-  const auto &ax = m.axis[r.axis_x], &ay = m.axis[r.axis_y], &az = m.axis[r.axis_z];
-  const T depth = az.p - r.org_z;
-  const T sx = std::abs(r.shear_x), sy = std::abs(r.shear_y);
-  const T c = 64 * unit_roundoff<T>;
-  ProjectedModel<T> p;
+template <class Axis, class Ray>
+[[gnu::always_inline]] inline auto project(const Axis& ax, const Axis& ay, const Axis& az,
+                                           const Ray& r) {
+  using V = std::remove_cvref_t<decltype(az.p)>;
+  const V depth = az.p - r.org_z;
+  const V sx = abs(r.shear_x), sy = abs(r.shear_y);
+  const V c = V{} + 64 * unit_roundoff<Element<V>>;
+  ProjectedModel<V> p;
   p.x = ax.p - r.org_x + r.shear_x * depth;
   p.y = ay.p - r.org_y + r.shear_y * depth;
   p.z = r.sign_z * depth;
@@ -38,11 +40,16 @@ template <class T>
   p.y_u = ay.p_u + r.shear_y * az.p_u, p.y_v = ay.p_v + r.shear_y * az.p_v;
   p.dx_u = ax.d_u + sx * az.d_u, p.dx_v = ax.d_v + sx * az.d_v;
   p.dy_u = ay.d_u + sy * az.d_u, p.dy_v = ay.d_v + sy * az.d_v;
-  p.z_slope = std::abs(az.p_u) + az.d_u + std::abs(az.p_v) + az.d_v;
-  p.eps_x = r.eps + c * (std::abs(p.x) + std::abs(p.x_u) + p.dx_u + std::abs(p.x_v) + p.dx_v);
-  p.eps_y = r.eps + c * (std::abs(p.y) + std::abs(p.y_u) + p.dy_u + std::abs(p.y_v) + p.dy_v);
-  p.eps_z = r.eps_z + c * (std::abs(p.z) + p.z_slope);
+  p.z_slope = abs(az.p_u) + az.d_u + abs(az.p_v) + az.d_v;
+  p.eps_x = r.eps + c * (abs(p.x) + abs(p.x_u) + p.dx_u + abs(p.x_v) + p.dx_v);
+  p.eps_y = r.eps + c * (abs(p.y) + abs(p.y_u) + p.dy_u + abs(p.y_v) + p.dy_v);
+  p.eps_z = r.eps_z + c * (abs(p.z) + p.z_slope);
   return p;
+}
+template <class T>
+[[gnu::always_inline]] inline ProjectedModel<T> project(const PatchModel<T>& m,
+                                                        const PatchRay<T>& r) {
+  return project(m.axis[r.axis_x], m.axis[r.axis_y], m.axis[r.axis_z], r);
 }
 
 template <class T>
@@ -103,12 +110,16 @@ bool misses(const RootPatch<T>& p, T zmin, T zmax) {
          all_below(p.z, zmin - dz);
 }
 
-/// Position in the ray's frame and its first derivatives by the patch parameters.
-template <class T>
+/// Position across the ray and its first derivatives by the patch parameters; the same along it.
+template <class V>
 struct RaySample {
-  T x, y, z;
-  T x_u, y_u, z_u;
-  T x_v, y_v, z_v;
+  V x, y;
+  V x_u, y_u;
+  V x_v, y_v;
+};
+template <class V>
+struct DepthSample {
+  V z, z_u, z_v;
 };
 /// The surface at (u,v), with the true derivatives of the Gregory blend.
 ///
@@ -118,19 +129,29 @@ template <class T>
 [[gnu::always_inline]] inline RaySample<T> evaluate(const RootPatch<T>& p, T u, T v) {
   const Quad<T> bu = bernstein(u), du = bernstein_derivative(u);
   const Net<T> bv = along_columns<T>(bernstein(v)), dv = along_columns<T>(bernstein_derivative(v));
-  const Quad<T> x = sum_rows(p.x * bv), y = sum_rows(p.y * bv), z = sum_rows(p.z * bv);
-  const Quad<T> xv = sum_rows(p.x * dv), yv = sum_rows(p.y * dv), zv = sum_rows(p.z * dv);
-  const Quad<T> none{};
-  Quad<T> s[9] = {x * bu, y * bu, z * bu, x * du, y * du, z * du, xv * bu, yv * bu, zv * bu};
+  const Quad<T> x = sum_rows(p.x * bv), y = sum_rows(p.y * bv);
+  const Quad<T> xv = sum_rows(p.x * dv), yv = sum_rows(p.y * dv);
+  Quad<T> s[6] = {x * bu, y * bu, x * du, y * du, xv * bu, yv * bu};
   if (p.gregory) {
     const BumpWeights<T> w = bump_weights(u, v);
-    s[0] += w.g * p.bump_x, s[1] += w.g * p.bump_y, s[2] += w.g * p.bump_z;
-    s[3] += w.g_s * p.bump_x, s[4] += w.g_s * p.bump_y, s[5] += w.g_s * p.bump_z;
-    s[6] += w.g_t * p.bump_x, s[7] += w.g_t * p.bump_y, s[8] += w.g_t * p.bump_z;
+    s[0] += w.g * p.bump_x, s[1] += w.g * p.bump_y;
+    s[2] += w.g_s * p.bump_x, s[3] += w.g_s * p.bump_y;
+    s[4] += w.g_t * p.bump_x, s[5] += w.g_t * p.bump_y;
   }
-  const Quad<T> a = sum4(s[0], s[1], s[2], none), b = sum4(s[3], s[4], s[5], none),
-                c = sum4(s[6], s[7], s[8], none);
-  return {a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]};
+  const Quad<T> a = sum4(s[0], s[1], s[2], s[3]), b = sum4(s[4], s[5], s[4], s[5]);
+  return {a[0], a[1], a[2], a[3], b[0], b[1]};
+}
+template <class T>
+[[gnu::always_inline]] inline DepthSample<T> evaluate_depth(const RootPatch<T>& p, T u, T v) {
+  const Net<T> bv = along_columns<T>(bernstein(v)), dv = along_columns<T>(bernstein_derivative(v));
+  const Quad<T> bu = bernstein(u), z = sum_rows(p.z * bv), zv = sum_rows(p.z * dv);
+  Quad<T> s[3] = {z * bu, z * bernstein_derivative(u), zv * bu};
+  if (p.gregory) {
+    const BumpWeights<T> w = bump_weights(u, v);
+    s[0] += w.g * p.bump_z, s[1] += w.g_s * p.bump_z, s[2] += w.g_t * p.bump_z;
+  }
+  const Quad<T> a = sum4(s[0], s[1], s[2], s[2]);
+  return {a[0], a[1], a[2]};
 }
 
 }  // namespace LIMITRAY_ISA

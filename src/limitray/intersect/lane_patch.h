@@ -1,0 +1,166 @@
+// Stage: intersection, S1 and S8 for several rays at once. Comes in: a ray in each lane, and a
+// Bezier patch for each. Goes out: their models and nets in the frames of their rays, lane by lane.
+//
+// The formulas are those of root_patch.h: `project` is the very same, `evaluate` sums the weighted
+// control values by rows, then columns.
+#pragma once
+
+#include "limitray/intersect/newton.h"
+
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+/// PatchRay's frame, one for each lane.
+struct LaneFrames {
+  Lanes org_x, org_y, org_z, shear_x, shear_y, sign_z, eps, eps_z;
+  LaneMask axis_z;
+
+  void set(int lane, const PatchRay<float>& r) {
+    org_x[lane] = r.org_x, org_y[lane] = r.org_y, org_z[lane] = r.org_z;
+    shear_x[lane] = r.shear_x, shear_y[lane] = r.shear_y, sign_z[lane] = r.sign_z;
+    eps[lane] = r.eps, eps_z[lane] = r.eps_z;
+    axis_z[lane] = r.axis_z;
+  }
+};
+
+/// The models of the lanes' patches in their frames, and their curvatures.
+struct LaneModels {
+  ProjectedModel<Lanes> projected;
+  Lanes curvature;
+};
+inline LaneModels project(const PatchModel<float>* const (&models)[lane_count],
+                          const LaneFrames& frames) {
+  const float* rows[lane_count];
+  for (int j = 0; j < lane_count; ++j) rows[j] = &models[j]->axis[0].p;
+  Lanes m[16];
+  load_by_lane(rows, m);
+  struct Axis {
+    Lanes p, p_u, p_v, d_u, d_v;
+  };
+  // Components in the order of each ray's axes.
+  const LaneMask z_is_0 = frames.axis_z == 0, z_is_1 = frames.axis_z == 1;
+  const auto axis = [&](int if_0, int if_1, int if_2) {
+    const auto pick = [&](int k) {
+      return select(z_is_0, m[5 * if_0 + k], select(z_is_1, m[5 * if_1 + k], m[5 * if_2 + k]));
+    };
+    return Axis{pick(0), pick(1), pick(2), pick(3), pick(4)};
+  };
+  return {project(axis(1, 2, 0), axis(2, 0, 1), axis(0, 1, 2), frames), m[15]};
+}
+
+/// A Bezier patch in each lane, in the frame of its ray.
+struct LanePatch {
+  Lanes x[16], y[16], z[16];
+  Lanes eps_x, eps_y;
+};
+inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count],
+                         const PatchRay<float>* const (&rays)[lane_count],
+                         const LaneFrames& frames, const ProjectedModel<Lanes>& m, LanePatch& p) {
+  const float *x[lane_count], *y[lane_count], *z[lane_count];
+  for (int j = 0; j < lane_count; ++j) {
+    x[j] = nets[j]->c[rays[j]->axis_x];
+    y[j] = nets[j]->c[rays[j]->axis_y];
+    z[j] = nets[j]->c[rays[j]->axis_z];
+  }
+  load_by_lane(x, p.x);
+  load_by_lane(y, p.y);
+  load_by_lane(z, p.z);
+  for (int i = 0; i < 16; ++i) {
+    const Lanes depth = p.z[i] - frames.org_z;
+    p.x[i] = p.x[i] - frames.org_x + frames.shear_x * depth;
+    p.y[i] = p.y[i] - frames.org_y + frames.shear_y * depth;
+    p.z[i] = frames.sign_z * depth;
+  }
+  p.eps_x = m.eps_x, p.eps_y = m.eps_y;
+}
+
+/// Decides the patches once more, by the K of their own nets: it knows what the bounds of the model
+/// do not, how the derivatives of two components vary together.
+inline void tighten(const LanePatch& p, ModelTest<Lanes>& test) {
+  const Contraction<Lanes>& k = test.k;
+  const Lanes uu = 3.0f * k.m_uu, uv = 3.0f * k.m_uv, vu = 3.0f * k.m_vu, vv = 3.0f * k.m_vv;
+  Lanes k_uu{}, k_uv{}, k_vu{}, k_vv{};
+  for (int i = 0; i < 16; ++i) {
+    if (i % 4 < 3) {
+      const Lanes dx = p.x[i + 1] - p.x[i], dy = p.y[i + 1] - p.y[i];
+      k_uu = max(k_uu, abs(Lanes(uu * dx + uv * dy - 1.0f)));
+      k_vu = max(k_vu, abs(Lanes(vu * dx + vv * dy)));
+    }
+    if (i < 12) {
+      const Lanes dx = p.x[i + 4] - p.x[i], dy = p.y[i + 4] - p.y[i];
+      k_uv = max(k_uv, abs(Lanes(uu * dx + uv * dy)));
+      k_vv = max(k_vv, abs(Lanes(vu * dx + vv * dy - 1.0f)));
+    }
+  }
+  // Each value of the net may be off by eps, its differences by twice that.
+  test.set(min(k.uu, Lanes(k_uu + 6.0f * k.e_u)), min(k.uv, Lanes(k_uv + 6.0f * k.e_u)),
+           min(k.vu, Lanes(k_vu + 6.0f * k.e_v)), min(k.vv, Lanes(k_vv + 6.0f * k.e_v)));
+}
+
+/// S2 for each lane: in the frame of the ray and in the local frame F.
+inline LaneMask misses(const LanePatch& p, const Contraction<Lanes>& k) {
+  const auto beyond = [](Lanes lo, Lanes hi, Lanes e) { return (lo > e) | (hi < -e); };
+  Lanes x_lo = p.x[0], x_hi = x_lo, y_lo = p.y[0], y_hi = y_lo;
+  Lanes u_lo = k.m_uu * x_lo + k.m_uv * y_lo, u_hi = u_lo;
+  Lanes v_lo = k.m_vu * x_lo + k.m_vv * y_lo, v_hi = v_lo;
+  for (int i = 1; i < 16; ++i) {
+    const Lanes f_u = k.m_uu * p.x[i] + k.m_uv * p.y[i], f_v = k.m_vu * p.x[i] + k.m_vv * p.y[i];
+    x_lo = min(x_lo, p.x[i]), x_hi = max(x_hi, p.x[i]);
+    y_lo = min(y_lo, p.y[i]), y_hi = max(y_hi, p.y[i]);
+    u_lo = min(u_lo, f_u), u_hi = max(u_hi, f_u);
+    v_lo = min(v_lo, f_v), v_hi = max(v_hi, f_v);
+  }
+  return beyond(x_lo, x_hi, p.eps_x) | beyond(y_lo, y_hi, p.eps_y) | beyond(u_lo, u_hi, k.e_u) |
+         beyond(v_lo, v_hi, k.e_v);
+}
+
+/// `bernstein` and `bernstein_derivative` for each lane.
+struct LaneWeights {
+  Lanes value[4], slope[4];
+
+  explicit LaneWeights(Lanes u) {
+    constexpr float c[4][4] = {{0.125f, -0.75f, 1.5f, -1},
+                               {0.375f, -0.75f, -1.5f, 3},
+                               {0.375f, 0.75f, -1.5f, -3},
+                               {0.125f, 0.75f, 1.5f, 1}};
+    const Lanes r = u - 0.5f;
+    for (int i = 0; i < 4; ++i) {
+      value[i] = c[i][0] + r * (c[i][1] + r * (c[i][2] + r * c[i][3]));
+      slope[i] = c[i][1] + r * (2 * c[i][2] + r * (3 * c[i][3]));
+    }
+  }
+};
+[[gnu::always_inline]] inline Lanes weighted(const Lanes (&w)[4], Lanes a, Lanes b, Lanes c,
+                                             Lanes d) {
+  return w[0] * a + w[1] * b + (w[2] * c + w[3] * d);
+}
+/// One component at (u,v), and its derivatives.
+[[gnu::always_inline]] inline void evaluate(const Lanes (&n)[16], const LaneWeights& u,
+                                            const LaneWeights& v, Lanes& p, Lanes& p_u,
+                                            Lanes& p_v) {
+  Lanes row[4], row_u[4];
+  for (int j = 0; j < 4; ++j) {
+    row[j] = weighted(u.value, n[4 * j], n[4 * j + 1], n[4 * j + 2], n[4 * j + 3]);
+    row_u[j] = weighted(u.slope, n[4 * j], n[4 * j + 1], n[4 * j + 2], n[4 * j + 3]);
+  }
+  p = weighted(v.value, row[0], row[1], row[2], row[3]);
+  p_u = weighted(v.value, row_u[0], row_u[1], row_u[2], row_u[3]);
+  p_v = weighted(v.slope, row[0], row[1], row[2], row[3]);
+}
+/// Rounding as in root_patch.h: sums of four products twice are no less exact than one of 16.
+[[gnu::always_inline]] inline RaySample<Lanes> evaluate(const LanePatch& p, Lanes u, Lanes v) {
+  const LaneWeights w_u(u), w_v(v);
+  RaySample<Lanes> s;
+  evaluate(p.x, w_u, w_v, s.x, s.x_u, s.x_v);
+  evaluate(p.y, w_u, w_v, s.y, s.y_u, s.y_v);
+  return s;
+}
+[[gnu::always_inline]] inline DepthSample<Lanes> evaluate_depth(const LanePatch& p, Lanes u,
+                                                                Lanes v) {
+  DepthSample<Lanes> s;
+  evaluate(p.z, LaneWeights(u), LaneWeights(v), s.z, s.z_u, s.z_v);
+  return s;
+}
+
+}  // namespace LIMITRAY_ISA
+}  // namespace limitray

@@ -1,0 +1,159 @@
+// Stage: intersection. Comes in: a ray and a scene. Goes out: the patches whose boxes the ray meets,
+// nearer ones first, instance by instance, and the ray in the frame of each.
+#pragma once
+
+#include "limitray/intersect/intersect_patch.h"
+#include "limitray/intersect/kernels.h"
+
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+template <class T>
+const PatchBump<T>* bump_of(const GeometryView<T>& g, std::uint32_t leaf) {
+  const std::uint32_t b = g.infos[leaf].bump;
+  return b == no_bump ? nullptr : g.bumps + b;
+}
+
+/// Where a ray met a patch.
+template <class T>
+struct LeafHit {
+  double t = std::numeric_limits<double>::infinity();
+  std::uint32_t instance = invalid_id, leaf = invalid_id;
+  T s = 0, t_patch = 0;
+  double spread = 0;  // PatchRoot's, in units of t
+
+  /// Hits whose stretches of t touch are one: the nearer one stands for both.
+  void merge(const LeafHit& h) {
+    const double lo = std::min(t - spread, h.t - h.spread);
+    const double hi = std::max(t + spread, h.t + h.spread);
+    const bool touch = hi - lo <= 2 * (spread + h.spread);
+    if (h.t < t) *this = h;
+    if (touch) spread = std::max(hi - t, t - lo);
+  }
+};
+
+/// One ray on its way through a scene.
+template <class T>
+class SceneWalk {
+ public:
+  ObjectRay ray;       // in the scene
+  double tfar;         // the far end as it stands; on_hit lowers it
+  PatchRay<T> frame;   // the ray in the instance that it is in
+  T zmax;              // tfar in that frame
+  std::uint32_t leaf;  // the patch found last
+  LeafHit<T> best;     // for callers that keep one
+  bool has_moved;      // `frame` is new; for callers that keep a copy
+
+  /// The space where a walk begins: that of the scene's only instance, else the scene's own, whose
+  /// tree is over instances. Null if there is nothing to hit.
+  static const Extent* first_extent(const SceneView<T>& scene) {
+    if (scene.instances.size() != 1) return scene.nodes ? &scene.extent : nullptr;
+    const GeometryView<T>& g = scene.geometries[scene.instances[0].geometry];
+    return g.nodes ? &g.extent : nullptr;
+  }
+  /// The ray there.
+  [[gnu::always_inline]] static ObjectRay first_ray(const SceneView<T>& scene, const ObjectRay& r) {
+    return scene.instances.size() == 1 ? local_ray(scene.instances[0], r) : r;
+  }
+  /// Begins at the frame of first_ray in first_extent.
+  void begin(const SceneView<T>& scene, const ObjectRay& r, const PatchRay<T>& first) {
+    ray = r, tfar = r.tfar;
+    best = {};
+    has_tree_ = scene.instances.size() != 1;
+    if (has_tree_) {
+      below_.end();
+      geometry_ = scene.geometries.data();  // any
+      world_ = first;
+      world_boxes_ = make_box_ray(world_);
+      above_.begin();
+    } else {
+      frame = first;
+      enter(scene, 0);
+    }
+  }
+  /// The same for one ray alone; false if it misses that extent.
+  bool begin(const SceneView<T>& scene, const ObjectRay& r) {
+    const Extent* extent = first_extent(scene);
+    PatchRay<T> first;
+    if (!extent || !make_patch_ray(first_ray(scene, r), *extent, first)) return false;
+    begin(scene, r, first);
+    return true;
+  }
+  /// Sets `leaf` to the next patch that the ray may meet; false if there is none.
+  bool next_patch(const SceneView<T>& scene, std::uint64_t& node_visits) {
+    // A leaf's model, or a node: the same address arithmetic serves as a guess for both.
+    const auto prefetch = [&](std::uint32_t child) {
+      __builtin_prefetch(child & leaf_flag
+                             ? static_cast<const void*>(&geometry_->models[child & ~leaf_flag])
+                             : static_cast<const void*>(&geometry_->nodes[child]));
+    };
+    while (true) {
+      leaf = next_item(geometry_->nodes, boxes_, -float_up(-frame.zmin), float_up(zmax), below_,
+                       prefetch, node_visits);
+      if (leaf != no_item) return true;
+      if (!next_instance(scene, node_visits)) return false;
+    }
+  }
+  /// A point where the ray meets `leaf`: on_hit(LeafHit), if it is between tnear and tfar, returns
+  /// true to end the walk and may lower tfar.
+  template <class OnHit>
+  bool report(const PatchRoot<T>& root, OnHit&& on_hit) {
+    const double t = double(T(frame.t_of(root.z)));  // as it will be reported
+    if (!(t > ray.tnear && t <= tfar)) return false;
+    const bool ended = on_hit(
+        LeafHit<T>{t, instance_, leaf, root.u, root.v, double(root.spread) * frame.t_scale});
+    zmax = std::min(zmax, frame.z_above(tfar));  // only what is nearer from now on
+    return ended;
+  }
+  /// Meets the ray with `leaf` alone; on_hit as above. True if the walk ends.
+  template <bool use_newton, class OnHit>
+  bool meet_patch(OnHit&& on_hit, PatchCounters& count) {
+    bool ended = false;
+    intersect_patch<T, use_newton>(
+        geometry_->nets[leaf], bump_of(*geometry_, leaf), geometry_->models[leaf], frame, zmax,
+        [&](const PatchRoot<T>& root, T&) { return ended = report(root, on_hit); }, count);
+    return ended;
+  }
+  const GeometryView<T>& geometry() const { return *geometry_; }
+
+ private:
+  static ObjectRay local_ray(const InstanceView& in, const ObjectRay& r) {
+    if (in.identity) return r;
+    return {in.to_object.point(r.org), in.to_object.vector(r.dir), r.tnear, r.tfar};
+  }
+  /// Enters the next instance that the ray may meet; false if there is none.
+  bool next_instance(const SceneView<T>& scene, std::uint64_t& node_visits) {
+    while (has_tree_) {
+      const std::uint32_t next = next_item(
+          scene.nodes, world_boxes_, -float_up(-world_.zmin), float_up(world_.z_above(tfar)),
+          above_, [](std::uint32_t) {}, node_visits);
+      if (next == no_item) return false;
+      const InstanceView& in = scene.instances[next];
+      const GeometryView<T>& g = scene.geometries[in.geometry];
+      ObjectRay local = local_ray(in, ray);
+      local.tfar = tfar;
+      if (!g.nodes || !make_patch_ray(local, g.extent, frame)) continue;
+      enter(scene, next);
+      return true;
+    }
+    return false;
+  }
+  /// Goes on in instance i; `frame` is set.
+  void enter(const SceneView<T>& scene, std::uint32_t i) {
+    instance_ = i, geometry_ = &scene.geometries[scene.instances[i].geometry];
+    zmax = frame.zmax;
+    boxes_ = make_box_ray(frame);
+    below_.begin();
+    has_moved = true;
+  }
+
+  const GeometryView<T>* geometry_;  // of the instance that the ray is in
+  std::uint32_t instance_;
+  bool has_tree_;  // a scene of one instance has none
+  PatchRay<T> world_;
+  BoxRay boxes_, world_boxes_;
+  BvhWalk below_, above_;
+};
+
+}  // namespace LIMITRAY_ISA
+}  // namespace limitray

@@ -1,0 +1,132 @@
+// Stage: mathematics. One value for each of several rays: a SIMD register of floats, lane j belongs
+// to ray j. What is written for a lane type V runs for a single float or double, too; then a mask
+// is a bool.
+#pragma once
+
+#include <bit>
+#include <utility>
+
+#include "limitray/math/net.h"
+
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+/// As many rays as a register holds floats: 16, 8 or 4.
+inline constexpr int lane_count = register_bytes / int(sizeof(float));
+using Lanes = Simd<float, lane_count>;
+using LaneMask = Simd<std::int32_t, lane_count>;
+
+/// What a compare of V gives, and the type of its elements.
+template <class V>
+using MaskOf = decltype(V{} < V{});
+template <class V>
+struct ElementOf {
+  using type = std::remove_cvref_t<decltype(V{}[0])>;
+};
+template <>
+struct ElementOf<float> {
+  using type = float;
+};
+template <>
+struct ElementOf<double> {
+  using type = double;
+};
+template <class V>
+using Element = typename ElementOf<V>::type;
+
+template <class V>
+V select(MaskOf<V> mask, V a, V b) {
+  return mask ? a : b;
+}
+
+/// One lane's value, read from memory: the compiler would spill the vector anew for each.
+template <class V>
+auto lane_of(const V& v, int lane) {
+  if constexpr (std::is_arithmetic_v<V>) {
+    return v;
+  } else {
+    std::remove_cvref_t<decltype(v[0])> value;
+    std::memcpy(&value, reinterpret_cast<const char*>(&v) + lane * int(sizeof(value)), sizeof(value));
+    return value;
+  }
+}
+
+/// One bit a lane whose mask is set.
+template <class M>
+unsigned bits_of(M mask) {
+  if constexpr (std::is_integral_v<M>) {
+    return mask != 0;
+  } else {
+#if defined(LIMITRAY_AVX512)
+    if constexpr (sizeof(M) == 64 && sizeof(mask[0]) == 4)
+      return _mm512_movepi32_mask(__m512i(mask));
+    if constexpr (sizeof(M) == 64 && sizeof(mask[0]) == 8)
+      return _mm512_movepi64_mask(__m512i(mask));
+    if constexpr (sizeof(M) == 32 && sizeof(mask[0]) == 4)
+      return _mm256_movepi32_mask(__m256i(mask));
+    if constexpr (sizeof(M) == 32 && sizeof(mask[0]) == 8)
+      return _mm256_movepi64_mask(__m256i(mask));
+#elif defined(LIMITRAY_AVX2)
+    if constexpr (sizeof(M) == 32 && sizeof(mask[0]) == 4)
+      return unsigned(_mm256_movemask_ps(__m256(mask)));
+    if constexpr (sizeof(M) == 32 && sizeof(mask[0]) == 8)
+      return unsigned(_mm256_movemask_pd(__m256d(mask)));
+#endif
+    unsigned bits = 0;
+    for (std::size_t i = 0; i < sizeof(mask) / sizeof(mask[0]); ++i)
+      bits |= unsigned(mask[i] != 0) << i;
+    return bits;
+  }
+}
+inline LaneMask mask_of(unsigned bits) {
+  LaneMask bit;
+  for (int i = 0; i < lane_count; ++i) bit[i] = 1 << i;
+  return (LaneMask{} + std::int32_t(bits)) & bit ? LaneMask{} - 1 : LaneMask{};
+}
+template <class M>
+bool any(M mask) {
+  return bits_of(mask) != 0;
+}
+template <class M>
+int count(M mask) {
+  return std::popcount(bits_of(mask));
+}
+
+/// The same number of rays as two registers of doubles.
+using HalfLanes = Simd<double, lane_count / 2>;
+
+inline Lanes load_lanes(const float* p) {
+  Lanes v;
+  std::memcpy(&v, p, sizeof(v));
+  return v;
+}
+
+/// One round of a transposition: swaps the blocks of `size` lanes beside the diagonal of two rows.
+template <int size, int... i>
+void swap_blocks(Lanes& a, Lanes& b, std::integer_sequence<int, i...>) {
+  const Lanes low = __builtin_shufflevector(a, b, (i & size ? lane_count + i - size : i)...);
+  b = __builtin_shufflevector(a, b, (i & size ? lane_count + i : i + size)...);
+  a = low;
+}
+template <int size>
+void transpose_blocks(Lanes (&row)[lane_count]) {
+  if constexpr (size > 0) {
+    for (int j = 0; j < lane_count; ++j)
+      if (!(j & size))
+        swap_blocks<size>(row[j], row[j + size], std::make_integer_sequence<int, lane_count>{});
+    transpose_blocks<size / 2>(row);
+  }
+}
+/// out[i], lane j = rows[j][i]: 16 values of each ray, by value.
+[[gnu::always_inline]] inline void load_by_lane(const float* const (&rows)[lane_count],
+                                                Lanes (&out)[16]) {
+  for (int block = 0; block < 16; block += lane_count) {
+    Lanes row[lane_count];
+    for (int j = 0; j < lane_count; ++j) row[j] = load_lanes(rows[j] + block);
+    transpose_blocks<lane_count / 2>(row);
+    for (int i = 0; i < lane_count; ++i) out[block + i] = row[i];
+  }
+}
+
+}  // namespace LIMITRAY_ISA
+}  // namespace limitray
