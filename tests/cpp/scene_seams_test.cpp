@@ -112,7 +112,7 @@ struct TreeWalk {
   void walk(std::uint32_t node, const std::vector<Box>& above) {
     for (int k = 0; k < bvh_width; ++k) {
       const BvhNode& n = bvh.nodes[node];
-      if (!(n.lo[0][k] <= n.hi[0][k])) continue;
+      if (n.lo[0][k] == beyond_all.lo[0]) continue;
       std::vector<Box> path = above;
       Box box;
       for (int c = 0; c < 3; ++c) box.lo[c] = n.lo[c][k], box.hi[c] = n.hi[c][k];

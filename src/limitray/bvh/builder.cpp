@@ -61,9 +61,7 @@ void set_child(BvhNode& node, int i, const Box& box, std::uint32_t child) {
 }
 BvhNode empty_node() {
   BvhNode n;
-  const float inf = std::numeric_limits<float>::infinity();
-  const Box beyond{{inf, inf, inf}, {inf, inf, inf}};
-  for (int i = 0; i < bvh_width; ++i) set_child(n, i, beyond, 0);
+  for (int i = 0; i < bvh_width; ++i) set_child(n, i, beyond_all, 0);
   return n;
 }
 
@@ -144,7 +142,7 @@ void refit_bvh(Bvh& bvh, std::span<const Box> boxes) {
   for (std::size_t n = bvh.nodes.size(); n-- > 0;) {
     BvhNode& node = bvh.nodes[n];
     for (int i = 0; i < bvh_width; ++i) {
-      if (!(node.lo[0][i] < std::numeric_limits<float>::infinity())) continue;  // absent
+      if (node.lo[0][i] == beyond_all.lo[0]) continue;  // absent
       const std::uint32_t child = node.child[i];
       const Box& box = child & leaf_flag ? boxes[child & ~leaf_flag] : node_bounds[child];
       set_child(node, i, box, child);

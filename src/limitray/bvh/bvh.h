@@ -30,12 +30,20 @@ struct Box {
   }
 };
 
+/// No ray meets it: its near plane is farther than any ray's far end.
+inline constexpr Box beyond_all{{std::numeric_limits<float>::infinity(),
+                                 std::numeric_limits<float>::infinity(),
+                                 std::numeric_limits<float>::infinity()},
+                                {std::numeric_limits<float>::infinity(),
+                                 std::numeric_limits<float>::infinity(),
+                                 std::numeric_limits<float>::infinity()}};
+
 inline constexpr int bvh_width = 8;
 inline constexpr int bvh_max_depth = 40;
 inline constexpr std::uint32_t leaf_flag = 0x80000000u;
 
 /// Child i: box [lo[axis][i], hi[axis][i]], an item (child & ~leaf_flag) if leaf_flag is set, else
-/// a node. An absent child has an empty box, which no ray meets.
+/// a node. An absent child has the box `beyond_all`.
 struct alignas(32) BvhNode {
   float lo[3][bvh_width], hi[3][bvh_width];
   std::uint32_t child[bvh_width];

@@ -34,7 +34,8 @@ template <class T, class V>
 V outward(V t, double side, V t_origin, V z_scale) {
   const V z = (t - t_origin) * z_scale;
   const V rounding = (4 * double(unit_roundoff<T>)) * (abs(z) + abs(t) * z_scale);
-  const V limit = V{} + double(std::numeric_limits<T>::max()) / 2;
+  // No surface is that far out (limits.h), and boxes of children that are absent are.
+  const V limit = V{} + double(std::numeric_limits<float>::max()) / 2;
   return min(max(V(z + side * rounding), V(-limit)), limit);
 }
 
