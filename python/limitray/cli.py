@@ -25,6 +25,8 @@ from limitray.cli_options import (
     ModelArgument,
     PrimOption,
     ThreadsOption,
+    ToleranceOption,
+    check_level,
     check_suffix,
     parse_names,
 )
@@ -67,13 +69,7 @@ def info_command(
     model: ModelArgument,
     prim: PrimOption = None,
     isolation_level: LevelOption = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="How far the surface may be from the true limit, relative to the longest side of "
-            "the box around the cage; chooses the isolation level. [default: 1e-5]"
-        ),
-    ] = None,
+    tolerance: ToleranceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Prints what MODEL is made of: faces, vertices, creases, patches, memory, warnings.
@@ -84,6 +80,7 @@ def info_command(
 
         limitray info spot.obj --isolation-level 6 --json
     """
+    check_level(isolation_level, tolerance)
     facts = mesh_info(Mesh.from_file(model, prim), isolation_level, tolerance)
     if as_json:
         print(json.dumps({"model": str(model), **facts}, indent=2))
@@ -112,6 +109,7 @@ def cast_command(
     tfar: Annotated[float, typer.Option(help="Hits lie up to this t.")] = float("inf"),
     prim: PrimOption = None,
     isolation_level: LevelOption = None,
+    tolerance: ToleranceOption = None,
     threads: ThreadsOption = 0,
     as_json: JsonOption = False,
 ) -> None:
@@ -128,10 +126,13 @@ def cast_command(
         limitray cast spot.obj rays.npy -o hits.npz --attributes points,dp_du,dp_dv
     """
     names = _parse_attributes(attributes)
+    check_level(isolation_level, tolerance)
     check_suffix(output, (".npz",))
     cli_output.check_writable(output)
     array = _load_rays(rays)
-    scene = load_model(model, prim, None, isolation_level, threads)
+    scene = load_model(
+        model, prim, isolation_level=isolation_level, tolerance=tolerance, threads=threads
+    )
 
     start = time.perf_counter()
     count = array.size // 6

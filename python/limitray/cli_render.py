@@ -16,6 +16,8 @@ from limitray.cli_options import (
     ModelArgument,
     PrimOption,
     ThreadsOption,
+    ToleranceOption,
+    check_level,
     check_suffix,
     parse_names,
     parse_size,
@@ -86,6 +88,7 @@ def render_command(
     ] = None,
     metallic: Annotated[float, typer.Option(help="path: 0 dielectric, 1 metal.")] = 0.0,
     isolation_level: LevelOption = None,
+    tolerance: ToleranceOption = None,
     threads: ThreadsOption = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     stats: Annotated[bool, typer.Option("--stats", help="Print rates and counters.")] = False,
@@ -114,6 +117,7 @@ def render_command(
     layers = parse_names("--aov", aov, AOVS)
     parse_names("--integrator", integrator, INTEGRATORS)
     check_suffix(output, FORMATS)
+    check_level(isolation_level, tolerance)
     if integrator != "path" and (sky or sun or denoise or roughness or metallic):
         raise typer.BadParameter(
             "need --integrator path", param_hint="--sky, --sun, --denoise, --roughness, --metallic"
@@ -127,7 +131,7 @@ def render_command(
         raise typer.BadParameter("exclude each other", param_hint="--eye and --camera")
     cli_output.check_writable(output)
 
-    scene = load_model(model, prim, time_code, isolation_level, threads)
+    scene = load_model(model, prim, time_code, isolation_level, tolerance, threads)
     if texture is not None:
         set_texture(scene, Texture.from_file(texture))
     if roughness is not None or metallic:

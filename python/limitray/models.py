@@ -19,6 +19,7 @@ def load_model(
     prim: str | None = None,
     time: float | None = None,
     isolation_level: int | None = None,
+    tolerance: float | None = None,
     threads: int = 0,
 ) -> Scene:
     """The scene of an OBJ file, of a whole USD stage, or of one mesh (`prim`) of it.
@@ -29,12 +30,14 @@ def load_model(
     if time is not None and not (is_usd and prim is None):
         raise ValueError("--time is for whole USD stages")
     if is_usd and prim is None:
-        scene = load_scene(path, time, isolation_level=isolation_level, threads=threads)
+        scene = load_scene(
+            path, time, isolation_level=isolation_level, tolerance=tolerance, threads=threads
+        )
         for note in scene.stage.notes if scene.stage else ():
             print(f"limitray: {note}", file=sys.stderr)
         return scene
     scene = Scene(threads=threads)
-    scene.add_mesh(Mesh.from_file(path, prim), isolation_level)
+    scene.add_mesh(Mesh.from_file(path, prim), isolation_level, tolerance=tolerance)
     return scene
 
 

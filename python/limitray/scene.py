@@ -47,6 +47,19 @@ PRIMVAR_PLACES = ("geometry_ids", "primitive_ids", "sub_quads", "primitive_uvs")
 Progress = Callable[[int], None]
 
 
+def precision(isolation_level: int | None, tolerance: float | None) -> tuple[int, float]:
+    """Isolation level (0: chosen by the tolerance) and tolerance of `Scene.add_mesh`.
+
+    Raises ValueError if one of them is out of its range.
+    """
+    if isolation_level is not None and positive_int("isolation_level", isolation_level) > 10:
+        raise ValueError(f"isolation_level must be 1 to 10, not {isolation_level}")
+    return (
+        0 if isolation_level is None else int(isolation_level),
+        DEFAULT_TOLERANCE if tolerance is None else positive_number("tolerance", tolerance),
+    )
+
+
 class Scene:
     """Subdivision surfaces and the rays shot at them.
 
@@ -130,13 +143,12 @@ class Scene:
         """
         if not isinstance(mesh, Mesh):
             raise ValueError(f"mesh must be a limitray.Mesh, not {type(mesh).__name__}")
-        if isolation_level is not None and positive_int("isolation_level", isolation_level) > 10:
-            raise ValueError(f"isolation_level must be 1 to 10, not {isolation_level}")
+        level, tolerance = precision(isolation_level, tolerance)
         added = self._scene.add_mesh(
             mesh._cage,
-            0 if isolation_level is None else int(isolation_level),
+            level,
             transform_matrix(transform),
-            DEFAULT_TOLERANCE if tolerance is None else positive_number("tolerance", tolerance),
+            tolerance,
             0 if memory_limit is None else positive_int("memory_limit", memory_limit),
         )
         self._material_set_of.append(0)

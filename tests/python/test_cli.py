@@ -87,6 +87,29 @@ def test_info_prints_a_table_and_json(capsys):
     assert facts["extraordinary_vertices"] == 8
 
 
+def test_tolerance_chooses_the_level_in_every_command(capsys):
+    """`info` and `render` tell the level; `cast` hits what it hits at that level."""
+    np.save("rays.npy", rays_towards(scene_of(cage("cube")), 40, dtype=np.float64))
+    levels, distances = [], []
+    for tolerance in ("1e-2", "1e-5", "1e-7"):
+        option = ["--tolerance", tolerance]
+        assert main(["info", CUBE, "--json", *option]) == 0
+        facts = json.loads(capsys.readouterr().out)
+        assert facts["limit_error"] <= float(tolerance)
+        levels.append(facts["isolation_level"])
+        assert main(["render", CUBE, "-o", "cube.png", *TINY, "--json", *option]) == 0
+        assert json.loads(capsys.readouterr().out)["mesh"]["isolation_level"] == levels[-1]
+        found = []
+        for chosen in (option, ["--isolation-level", str(levels[-1])]):
+            assert main(["cast", CUBE, "rays.npy", "-o", "hits.npz", *chosen]) == 0
+            found.append(np.load("hits.npz")["t_hit"])
+        np.testing.assert_array_equal(*found)
+        distances.append(found[0])
+        capsys.readouterr()
+    assert levels[0] < levels[1] < levels[2]
+    assert (distances[0] != distances[2]).any()
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_cast_writes_hits(capsys, dtype):
     scene = scene_of(cage("cube"))
@@ -104,6 +127,7 @@ def test_cast_writes_hits(capsys, dtype):
 
 
 PATH = ["render", CUBE, "-o", "a.png", "--integrator", "path"]
+BOTH = ["--isolation-level", "3", "--tolerance", "1e-3"]
 FAILURES = [
     (["render", "nothing.obj", "-o", "a.png"], 1, "nothing.obj: No such file or directory"),
     (["render", CUBE, "-o", "nowhere/a.png"], 1, "nowhere/a.png: No such file or directory"),
@@ -131,6 +155,10 @@ FAILURES = [
     ([*PATH, "--sky", "blue"], 2, '"blue" is not three numbers'),
     (["info"], 2, "Missing argument 'MODEL'"),
     (["info", CUBE, "--isolation-level", "11"], 2, "--isolation-level"),
+    (["info", CUBE, *BOTH], 2, "--isolation-level, --tolerance: exclude each other"),
+    (["render", CUBE, "-o", "a.png", *BOTH], 2, "--tolerance: exclude each other"),
+    (["cast", CUBE, "short.npy", "-o", "a.npz", *BOTH], 2, "--tolerance: exclude each other"),
+    (["info", CUBE, "--tolerance", "nan"], 1, "tolerance must be a number above 0, not nan"),
     (["cast", CUBE, "rays.npy", "-o", "a.npz"], 1, "rays.npy: No such file or directory"),
     (["cast", CUBE, CUBE, "-o", "a.npz"], 1, "not a .npy file of numbers"),
     (["cast", CUBE, "short.npy", "-o", "a.npz"], 1, "rays must have shape (..., 6), not (3, 5)"),

@@ -301,6 +301,10 @@ def test_errors(tmp_path):
         lr.load_scene(CAGES / "cube.obj")
     with pytest.raises(ValueError, match="time must be finite"):
         lr.load_scene(FILES / "tags.usda", float("nan"))
+    with pytest.raises(ValueError, match=r"^tolerance must be a number above 0, not 0"):
+        lr.load_scene(FILES / "tags.usda", tolerance=0)
+    with pytest.raises(ValueError, match=r"^isolation_level must be 1 to 10, not 11"):
+        lr.load_scene(FILES / "tags.usda", isolation_level=11)
     with pytest.raises(ValueError, match="Chaikin"):
         write_usd(lr.Mesh.from_file(CAGES / "cube_chaikin.obj"), tmp_path / "x.usda")
     with pytest.raises(ValueError, match="prim must be a path"):

@@ -12,7 +12,7 @@ import numpy as np
 
 from limitray.camera import Camera, Vector
 from limitray.mesh import USD_SUFFIXES, Mesh
-from limitray.scene import Scene
+from limitray.scene import Scene, precision
 from limitray.usd.material import MaterialReader
 from limitray.usd.mesh import read_mesh
 from limitray.usd.walk import PlacedMesh, Walk
@@ -59,6 +59,7 @@ def load_scene(
     time: float | None = None,
     *,
     isolation_level: int | None = None,
+    tolerance: float | None = None,
     purposes: Sequence[str] = PURPOSES,
     device: str = "cpu",
     threads: int = 0,
@@ -71,7 +72,7 @@ def load_scene(
         A .usd, .usda, .usdc or .usdz file.
     time : float, optional
         Time code of points and transforms; the stage's start unless given.
-    isolation_level : int, optional
+    isolation_level, tolerance : int, float, optional
         As in `Scene.add_mesh`.
     purposes : sequence of str
         Purposes to take: "default", "render", "proxy", "guide".
@@ -92,6 +93,7 @@ def load_scene(
     ValueError
         It is no USD file, usd-core is not installed, or it has meshes and none can be traced.
     """
+    precision(isolation_level, tolerance)  # before meshes with errors are left out
     usd_stage = open_stage(path)
     code = _time_code(usd_stage, time)
     walk = Walk(usd_stage, code, tuple(purposes))
@@ -103,7 +105,7 @@ def load_scene(
         try:
             mesh, found = read_mesh(placed.prim, code)
             notes += found
-            paths += _add(scene, mesh, placed, isolation_level, materials)
+            paths += _add(scene, mesh, placed, (isolation_level, tolerance), materials)
         except ValueError as error:
             notes.append(f"left out: {error}")
     if notes and not paths:
@@ -202,7 +204,7 @@ def _add(
     scene: Scene,
     mesh: Mesh,
     placed: PlacedMesh,
-    isolation_level: int | None,
+    precision: tuple[int | None, float | None],
     materials: MaterialReader,
 ) -> list[str]:
     """Adds a mesh with all its placements (n, 4, 4); returns a path for each geometry id."""
@@ -217,7 +219,7 @@ def _add(
     if not paths:
         return []
     first, *others = matrices[invertible]
-    added = scene.add_mesh(mesh, isolation_level, first)
+    added = scene.add_mesh(mesh, precision[0], first, tolerance=precision[1])
     bound = materials.read(placed.prim, mesh)
     if bound is not None:
         scene.set_material(added, *bound)
