@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from limitray._arrays import finite_vector, positive_int
+from limitray._arrays import finite_vector, positive_int, positive_number
 from limitray.scene import Scene
 
 Vector = tuple[float, float, float]
@@ -31,22 +31,35 @@ class Camera:
         Direction that points up in the picture.
     fov_deg : float
         Horizontal field of view in degrees, above 0 and below 180.
+    aspect : float, optional
+        Width over height of the part that every picture shows, as that of a film gate: a picture
+        of another shape shows more, above and below it or at its sides. Without it the field of
+        view is as wide as the picture, whatever its shape.
 
     Raises
     ------
     ValueError
-        A vector is not finite, eye and center coincide, or up is parallel to the view.
+        A vector is not finite, eye and center coincide, up is parallel to the view, or a number is
+        out of its range.
     """
 
     eye: Vector
     center: Vector
     up: Vector = (0.0, 1.0, 0.0)
     fov_deg: float = 40.0
+    aspect: float | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.fov_deg < 180:
             raise ValueError(f"fov_deg must be above 0 and below 180, not {self.fov_deg}")
+        if self.aspect is not None:
+            positive_number("aspect", self.aspect)
         self.axes()
+
+    def half_width(self, width: int, height: int) -> float:
+        """Half the width of a picture of this many pixels, at distance 1 along the view."""
+        half = float(np.tan(np.radians(self.fov_deg) / 2))
+        return half if self.aspect is None else half * max(1.0, width / height / self.aspect)
 
     def axes(self) -> NDArray[np.float64]:
         """Unit vectors (3, 3): right, up and forward."""
@@ -64,7 +77,7 @@ class Camera:
         Directions have length 1 along the axis of view, so that t is the depth.
         """
         right, up, forward = self.axes()
-        half = np.tan(np.radians(self.fov_deg) / 2)
+        half = self.half_width(width, height)
         across = (2 * np.asarray(x) / width - 1) * half
         upward = (1 - 2 * np.asarray(y) / height) * half * height / width
         directions = forward + across[..., np.newaxis] * right + upward[..., np.newaxis] * up

@@ -62,7 +62,16 @@ def set_finish(scene: Scene, roughness: float | None, metallic: float) -> None:
         raise ValueError("--metallic needs --roughness")
     for geometry_id in range(scene.geometry_count()):
         ((group, _),) = scene.material_sets([geometry_id])
-        materials = [replace(m, roughness=roughness, metallic=metallic) for m in group.materials]
+        materials = [
+            replace(
+                material,
+                roughness=roughness,
+                metallic=metallic,
+                roughness_texture=None,
+                metallic_texture=None,
+            )
+            for material in group.materials
+        ]
         scene.set_material(geometry_id, materials, group.faces)
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from limitray.camera import Camera, Vector
+from limitray.material import Material
 from limitray.mesh import USD_SUFFIXES, Mesh
 from limitray.scene import Scene, precision
 from limitray.usd.material import MaterialReader
@@ -103,11 +104,12 @@ def load_scene(
     paths: list[str] = []
     for placed in walk.meshes():
         try:
-            mesh, found = read_mesh(placed.prim, code)
+            mesh, found = read_mesh(placed.prims[0], code)
             notes += found
             paths += _add(scene, mesh, placed, (isolation_level, tolerance), materials)
         except ValueError as error:
             notes.append(f"left out: {error}")
+    notes = [*_unresolved(usd_stage), *notes]
     if notes and not paths:
         raise ValueError(f"{path}: no mesh can be traced: {notes[0]}")
     from pxr import UsdGeom
@@ -175,16 +177,24 @@ def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
     with path.open("rb"):
         pass
     try:
-        from pxr import Tf, Usd
+        from pxr import Tf, Usd, UsdUtils
     except ImportError:
         raise ValueError(
             f"{path}: USD files need usd-core: install limitray[usd] (pip install usd-core)"
         ) from None
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # keeps USD's warnings off stderr
     try:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        reason = str(error).strip().splitlines()[-1].strip()
+        reason = " ".join(error.args[0].commentary.split())
         raise ValueError(f"{path}: cannot be read as USD: {reason}") from None
+    finally:
+        del quiet
+
+
+def _unresolved(stage: Usd.Stage) -> list[str]:
+    """What the stage refers to and has not: files, and prims in files."""
+    return sorted(" ".join(str(error).split()) for error in stage.GetCompositionErrors())
 
 
 def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
@@ -207,22 +217,33 @@ def _add(
     precision: tuple[int | None, float | None],
     materials: MaterialReader,
 ) -> list[str]:
-    """Adds a mesh with all its placements (n, 4, 4); returns a path for each geometry id."""
+    """Adds a mesh with all its placements; returns a path for each geometry id.
+
+    Instances whose materials are others than the first one's are given theirs once, and the
+    following ones are made of that one.
+    """
+    first_of_group = materials.groups(placed.prims)
+    group = np.repeat(first_of_group, [len(m) for m in placed.matrices])
     matrices = np.concatenate(placed.matrices)
     invertible = np.abs(np.linalg.det(matrices[:, :3, :3])) > 0
     paths = [path for path, keep in zip(placed.paths, invertible) if keep]
     if len(paths) < len(matrices):
         lost = len(matrices) - len(paths)
         materials.notes.append(
-            f"{placed.prim.GetPath()}: left out {lost} of {len(matrices)} times: scaled to nothing"
+            f"{placed.prims[0].GetPath()}: left out {lost} of {len(matrices)} times: "
+            "scaled to nothing"
         )
-    if not paths:
-        return []
-    first, *others = matrices[invertible]
-    added = scene.add_mesh(mesh, precision[0], first, tolerance=precision[1])
-    bound = materials.read(placed.prim, mesh)
-    if bound is not None:
-        scene.set_material(added, *bound)
-    for transform in others:
-        scene.add_instance(added, transform)
+    sources: dict[int, int] = {}
+    for transform, first in zip(matrices[invertible], group[invertible].tolist()):
+        if first in sources:
+            scene.add_instance(sources[first], transform)
+            continue
+        if not sources:
+            added = scene.add_mesh(mesh, precision[0], transform, tolerance=precision[1])
+        else:
+            added = scene.add_instance(next(iter(sources.values())), transform)
+        bound = materials.read(placed.prims[first], mesh)
+        if bound is not None or sources:
+            scene.set_material(added, *(bound or ([Material()], None)))
+        sources[first] = added
     return paths

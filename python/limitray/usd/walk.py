@@ -19,12 +19,13 @@ Matrices = NDArray[np.float64]
 
 @dataclass
 class PlacedMesh:
-    """One mesh of the file: a prim that stands for it, and where it stands.
+    """One mesh of the file and where it stands.
 
-    `matrices` are arrays (n, 4, 4) to be joined, `paths` one path for each matrix.
+    `prims` are the prims that stand for it, one where it is no native instance; `matrices` has an
+    array (n, 4, 4) for each of them, `paths` one path for each matrix.
     """
 
-    prim: Usd.Prim
+    prims: list[Usd.Prim] = field(default_factory=list)
     matrices: list[Matrices] = field(default_factory=list)
     paths: list[str] = field(default_factory=list)
 
@@ -45,6 +46,7 @@ class Walk:
         self._transforms = UsdGeom.XformCache(time)
         self._placed: dict[str, PlacedMesh] = {}
         self._others: Counter[str] = Counter()
+        self._lights: set[str] = set()
         self.notes: list[str] = []
 
     def meshes(self) -> list[PlacedMesh]:
@@ -54,6 +56,8 @@ class Walk:
             f"{count} {kind} prims left out: they are no meshes"
             for kind, count in sorted(self._others.items())
         ]
+        if self._lights:
+            self.notes.append(f"{len(self._lights)} lights left out: light is given to `render`")
         return list(self._placed.values())
 
     def cameras(self) -> dict[str, Camera]:
@@ -66,8 +70,16 @@ class Walk:
                 camera = _camera(UsdGeom.Camera(prim), self._time)
                 if camera is None:
                     self.notes.append(f"{prim.GetPath()}: left out: not a perspective camera")
-                else:
-                    found[str(prim.GetPath())] = camera
+                    continue
+                found[str(prim.GetPath())] = camera
+                if any(
+                    attribute.Get(self._time)
+                    for attribute in (
+                        UsdGeom.Camera(prim).GetHorizontalApertureOffsetAttr(),
+                        UsdGeom.Camera(prim).GetVerticalApertureOffsetAttr(),
+                    )
+                ):
+                    self.notes.append(f"{prim.GetPath()}: shown without its aperture offset")
         return found
 
     def _visit(self, root: Usd.Prim, parents: Matrices, prototype: bool) -> None:
@@ -75,13 +87,15 @@ class Walk:
 
         A prototype of an instancer may be a mere `over`, and is seen whatever its parents say.
         """
-        from pxr import Usd, UsdGeom
+        from pxr import Usd, UsdGeom, UsdLux
 
         active = Usd.PrimIsActive & Usd.PrimIsLoaded
         predicate = active if prototype else active & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
         walk = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies(predicate)))
         for prim in walk:
             imageable = UsdGeom.Imageable(prim)
+            if prim.HasAPI(UsdLux.LightAPI):
+                self._lights.add(str(prim.GetPath()))
             if not imageable:
                 continue
             if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
@@ -106,7 +120,8 @@ class Walk:
 
     def _place(self, prim: Usd.Prim, matrices: Matrices) -> None:
         shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        placed = self._placed.setdefault(str(shared.GetPath()), PlacedMesh(prim))
+        placed = self._placed.setdefault(str(shared.GetPath()), PlacedMesh())
+        placed.prims.append(prim)
         placed.matrices.append(matrices)
         placed.paths += [str(prim.GetPath())] * len(matrices)
 
@@ -131,6 +146,7 @@ class Walk:
         if len(found) != len(kinds):
             self.notes.append(f"{prim.GetPath()}: left out: not one position an instance")
             return
+        self._note_instance_primvars(prim)
         mask = np.array(instancer.ComputeMaskAtTime(self._time) or [True] * len(kinds), bool)
         local = self._matrix(prim, root, prototype) @ np.array(found).transpose(0, 2, 1)
         for kind, prototype_root in enumerate(roots):
@@ -138,6 +154,18 @@ class Walk:
             if prototype_root and len(matrices):
                 world = (parents[:, np.newaxis] @ matrices).reshape(-1, 4, 4)
                 self._visit(prototype_root, world, prototype=True)
+
+    def _note_instance_primvars(self, instancer: Usd.Prim) -> None:
+        from pxr import UsdGeom
+
+        varying = [
+            str(primvar.GetPrimvarName())
+            for primvar in UsdGeom.PrimvarsAPI(instancer).GetPrimvarsWithValues()
+            if primvar.GetInterpolation() != UsdGeom.Tokens.constant
+        ]
+        if varying:
+            names = ", ".join(varying)
+            self.notes.append(f"{instancer.GetPath()}: primvars of instances ignored: {names}")
 
 
 def _prototypes(prim: Usd.Prim, instancer: UsdGeom.PointInstancer) -> list[Any]:
@@ -155,7 +183,7 @@ def _column_matrix(matrix: Any) -> Matrices:
 
 
 def _camera(camera: UsdGeom.Camera, time: Usd.TimeCode) -> Camera | None:
-    """A pinhole camera; None unless it is a perspective one."""
+    """A pinhole camera that shows the film gate; None unless it is a perspective one."""
     from pxr import Gf
 
     lens = camera.GetCamera(time)
@@ -169,4 +197,5 @@ def _camera(camera: UsdGeom.Camera, time: Usd.TimeCode) -> Camera | None:
     ex, ey, ez = eye.tolist()
     cx, cy, cz = center.tolist()
     ux, uy, uz = up.tolist()
-    return Camera((ex, ey, ez), (cx, cy, cz), (ux, uy, uz), float(fov))
+    aspect = lens.horizontalAperture / lens.verticalAperture if lens.verticalAperture > 0 else None
+    return Camera((ex, ey, ez), (cx, cy, cz), (ux, uy, uz), float(fov), aspect)
