@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from limitray.material import Material
 from limitray.mesh import Mesh, Primvar
-from limitray.usd.shader import SurfaceReader
+from limitray.usd.shader import Color, SurfaceReader
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdShade
@@ -64,7 +64,7 @@ class MaterialReader:
 
         Native instances share a mesh, but not what they inherit from the prims above them.
         """
-        from pxr import UsdGeom, UsdShade
+        from pxr import UsdShade
 
         if len(prims) == 1:
             return [0]
@@ -75,9 +75,8 @@ class MaterialReader:
         firsts: dict[Any, int] = {}
         found = []
         for k, prim in enumerate(prims):
-            color = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(DISPLAY_COLOR)
-            paths = [material[k].GetPath() if material[k] else None for material in bound]
-            found.append(firsts.setdefault((*paths, str(color.GetAttr().GetPath())), k))
+            paths = [_shared_path(material[k]) if material[k] else None for material in bound]
+            found.append(firsts.setdefault((*paths, self._constant_color(prim)), k))
         return found
 
     def _note(self, text: str) -> None:
@@ -92,7 +91,7 @@ class MaterialReader:
         materials = [binding.ComputeBoundMaterial(purpose)[0] for purpose in _purposes()]
         materials = [material for material in materials if material]
         for material in materials:
-            path = str(material.GetPath())
+            path = _shared_path(material)
             if path not in self._materials:
                 self._materials[path] = self._preview_surface(material)
             found = self._materials[path]
@@ -129,20 +128,32 @@ class MaterialReader:
 
     def _display_color(self, prim: Usd.Prim, mesh: Mesh) -> Material | None:
         """The material of a mesh with a primvar displayColor, its own or one from above."""
-        from pxr import UsdGeom
-
         primvar = mesh.primvars.get(DISPLAY_COLOR)
         varies = not isinstance(primvar, Primvar) or primvar.interpolation != "constant"
         if primvar is not None and varies:
-            return (
-                Material(color_primvar=DISPLAY_COLOR) if np.shape(primvar.values)[1] == 3 else None
-            )
-        usd = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(DISPLAY_COLOR)
-        values = usd.ComputeFlattened(self.time) if usd else None
-        if not values or usd.GetInterpolation() != UsdGeom.Tokens.constant:
+            three = np.shape(primvar.values)[1] == 3
+            return Material(color_primvar=DISPLAY_COLOR) if three else None
+        color = self._constant_color(prim)
+        return None if color is None else Material(color)
+
+    def _constant_color(self, prim: Usd.Prim) -> Color | None:
+        """The displayColor of a prim or of those above it, if it is one colour for all."""
+        from pxr import UsdGeom
+
+        primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(DISPLAY_COLOR)
+        if not primvar or primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+            return None
+        values = primvar.ComputeFlattened(self.time)
+        if not values:
             return None
         red, green, blue = (float(x) for x in values[0])
-        return Material((red, green, blue))
+        return red, green, blue
+
+
+def _shared_path(material: UsdShade.Material) -> str:
+    """The path of a material; the same one for all instances of a prototype that has it."""
+    prim = material.GetPrim()
+    return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
 
 
 def _purposes() -> tuple[str, str]:
