@@ -90,7 +90,7 @@ class Camera:
         aspect: float = 4 / 3,
         azimuth_deg: float = 30.0,
         elevation_deg: float = 22.0,
-        up: Vector = (0.0, 1.0, 0.0),
+        up: Vector | None = None,
         fov_deg: float = 28.0,
         margin: float = 0.08,
     ) -> Camera:
@@ -109,13 +109,16 @@ class Camera:
             along -z if y is up, and along +y if z is up.
         elevation_deg : float
             How far the eye is above the horizon, in degrees, between -90 and 90.
-        up : (3,)
-            Direction that points up in the picture.
+        up : (3,), optional
+            Direction that points up in the picture; the up axis of the scene's USD stage, or y,
+            unless given.
         fov_deg : float
             Horizontal field of view in degrees.
         margin : float
             Free part of the picture on each side, 0 to below 0.5.
         """
+        if up is None:
+            up = scene.stage.up if scene.stage else (0.0, 1.0, 0.0)
         direction = _view_direction(azimuth_deg, elevation_deg, up)
         corners = np.array(list(product(*scene.bounds().T)))
         camera = _fit(corners, aspect, direction, up, fov_deg, margin)

@@ -45,7 +45,8 @@ def render_command(
     ] = None,
     fov: Annotated[float, typer.Option(help="Horizontal field of view, degrees.")] = 28.0,
     camera_path: Annotated[
-        str | None, typer.Option("--camera", metavar="PATH", help="Camera of a USD stage.")
+        str | None,
+        typer.Option("--camera", metavar="PATH", help="Camera of a USD stage, its gate fitted."),
     ] = None,
     prim: PrimOption = None,
     time_code: Annotated[
@@ -137,7 +138,8 @@ def render_command(
     if roughness is not None or metallic:
         set_finish(scene, roughness, metallic)
     width, height = size
-    up = up or (scene.stage.up if scene.stage else (0.0, 1.0, 0.0))
+    if eye is not None and up is None:
+        up = scene.stage.up if scene.stage else (0.0, 1.0, 0.0)
     camera = Camera(eye, center, up, fov) if eye is not None else stage_camera(scene, camera_path)
     camera = camera or Camera.frame(scene, width / height, up=up, fov_deg=fov)
     scene.reset_statistics()

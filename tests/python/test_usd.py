@@ -62,6 +62,14 @@ def test_left_handed_normals_point_up():
     assert any("primvar short ignored" in note for note in scene.stage.notes)
 
 
+def test_framing_stands_upright():
+    scene = lr.load_scene(FILES / "tags.usda")
+    np.testing.assert_array_equal(lr.Camera.frame(scene).up, (0, 0, 1))
+    np.testing.assert_array_equal(lr.Camera.frame(scene, up=(1, 0, 0)).up, (1, 0, 0))
+    scene.stage = None
+    np.testing.assert_array_equal(lr.Camera.frame(scene).up, (0, 1, 0))
+
+
 def test_points_at_a_time_code():
     heights = [
         float(lr.load_scene(FILES / "tags.usda", at).bounds()[1, 2]) for at in (None, 1, 2, 3)
