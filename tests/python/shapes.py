@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import limitray as lr
+from limitray.cli import main
 
 REPOSITORY = Path(__file__).parents[2]
 CAGES = sorted((REPOSITORY / "tests/cages").glob("*.obj"))
@@ -15,6 +16,16 @@ CLOSED = ("cube", "cube_semi_2_5", "cube_inf_loop", "torus", "icosahedron", "pri
 
 CUBE_POINTS = [(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)]
 CUBE_INDICES = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 1, 3, 7, 5, 3, 2, 6, 7, 2, 0, 4, 6]
+
+
+def assert_fails(capsys, arguments, code, message):
+    """The command line ends with `code` and one line on stderr that holds `message`."""
+    assert main(arguments) == code
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("limitray: ")
+    assert printed.err.count("\n") == 1
+    assert message in printed.err
 
 
 def cube(**arguments):

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from shapes import REPOSITORY
+from shapes import REPOSITORY, assert_fails
 
 from limitray.cli import main
 
@@ -65,9 +65,4 @@ FAILURES = [
 @pytest.mark.parametrize(("arguments", "code", "message"), FAILURES)
 def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys, tmp_path):
     (tmp_path / "bad.obj").write_text("f 1 2 9\n")
-    assert main(arguments) == code
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("limitray: ")
-    assert printed.err.count("\n") == 1
-    assert message in printed.err
+    assert_fails(capsys, arguments, code, message)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from shapes import REPOSITORY, cage, rays_towards, scene_of
+from shapes import REPOSITORY, assert_fails, cage, rays_towards, scene_of
 
 from limitray.cli import main
 
@@ -173,12 +173,7 @@ def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys
     (tmp_path / "bad.obj").write_text("f 1 2 9\n")
     (tmp_path / "folder.png").mkdir()
     before = sorted(tmp_path.iterdir())
-    assert main(arguments) == code
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("limitray: ")
-    assert printed.err.count("\n") == 1
-    assert message in printed.err
+    assert_fails(capsys, arguments, code, message)
     assert sorted(tmp_path.iterdir()) == before
 
 
