@@ -17,19 +17,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from limitray import cli_options as options
 from limitray import cli_output
 from limitray.bench import bench_command
-from limitray.cli_options import (
-    JsonOption,
-    LevelOption,
-    ModelArgument,
-    PrimOption,
-    ThreadsOption,
-    ToleranceOption,
-    check_level,
-    check_suffix,
-    parse_names,
-)
 from limitray.cli_render import render_command
 from limitray.convert import convert_command
 from limitray.info import mesh_info
@@ -66,11 +56,11 @@ def _root(
 
 @app.command("info")
 def info_command(
-    model: ModelArgument,
-    prim: PrimOption = None,
-    isolation_level: LevelOption = None,
-    tolerance: ToleranceOption = None,
-    as_json: JsonOption = False,
+    model: options.ModelArgument,
+    prim: options.PrimOption = None,
+    isolation_level: options.LevelOption = None,
+    tolerance: options.ToleranceOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Prints what MODEL is made of: faces, vertices, creases, patches, memory, warnings.
 
@@ -80,7 +70,7 @@ def info_command(
 
         limitray info spot.obj --isolation-level 6 --json
     """
-    check_level(isolation_level, tolerance)
+    options.check_level(isolation_level, tolerance)
     facts = mesh_info(Mesh.from_file(model, prim), isolation_level, tolerance)
     if as_json:
         print(json.dumps({"model": str(model), **facts}, indent=2))
@@ -90,7 +80,7 @@ def info_command(
 
 @app.command("cast")
 def cast_command(
-    model: ModelArgument,
+    model: options.ModelArgument,
     rays: Annotated[
         Path,
         typer.Argument(
@@ -107,11 +97,11 @@ def cast_command(
     ] = "",
     tnear: Annotated[float, typer.Option(help="Hits lie beyond this t.")] = 0.0,
     tfar: Annotated[float, typer.Option(help="Hits lie up to this t.")] = float("inf"),
-    prim: PrimOption = None,
-    isolation_level: LevelOption = None,
-    tolerance: ToleranceOption = None,
-    threads: ThreadsOption = 0,
-    as_json: JsonOption = False,
+    prim: options.PrimOption = None,
+    isolation_level: options.LevelOption = None,
+    tolerance: options.ToleranceOption = None,
+    threads: options.ThreadsOption = 0,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Shoots the rays of RAYS.npy at MODEL and writes the closest hits.
 
@@ -126,8 +116,8 @@ def cast_command(
         limitray cast spot.obj rays.npy -o hits.npz --attributes points,dp_du,dp_dv
     """
     names = _parse_attributes(attributes)
-    check_level(isolation_level, tolerance)
-    check_suffix(output, (".npz",))
+    options.check_level(isolation_level, tolerance)
+    options.check_suffix(output, (".npz",))
     cli_output.check_writable(output)
     array = _load_rays(rays)
     scene = load_model(
@@ -150,7 +140,7 @@ def _parse_attributes(text: str) -> tuple[str, ...]:
     """Names of attributes; those of primvars are checked against the scene later."""
     names = tuple(dict.fromkeys(name for name in text.split(",") if name))
     plain = ",".join(name for name in names if not name.startswith(PRIMVAR_PREFIX))
-    parse_names("--attributes", plain, ATTRIBUTES)
+    options.parse_names("--attributes", plain, ATTRIBUTES)
     return names
 
 
