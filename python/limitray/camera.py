@@ -50,8 +50,7 @@ class Camera:
     aspect: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.fov_deg < 180:
-            raise ValueError(f"fov_deg must be above 0 and below 180, not {self.fov_deg}")
+        _check_fov(self.fov_deg)
         if self.aspect is not None:
             positive_number("aspect", self.aspect)
         self.axes()
@@ -116,9 +115,20 @@ class Camera:
             Horizontal field of view in degrees.
         margin : float
             Free part of the picture on each side, 0 to below 0.5.
+
+        Raises
+        ------
+        ValueError
+            The scene is empty, or an argument is out of its range.
         """
         if up is None:
             up = scene.stage.up if scene.stage else (0.0, 1.0, 0.0)
+        positive_number("aspect", aspect)
+        _check_fov(fov_deg)
+        if not 0 <= margin < 0.5:
+            raise ValueError(f"margin must be at least 0 and below 0.5, not {margin}")
+        if not finite_vector("up", up).any():
+            raise ValueError("up must not be 0")
         direction = _view_direction(azimuth_deg, elevation_deg, up)
         corners = np.array(list(product(*scene.bounds().T)))
         camera = _fit(corners, aspect, direction, up, fov_deg, margin)
@@ -131,8 +141,15 @@ class Camera:
         return _fit(seen, aspect, direction, up, fov_deg, margin) if len(seen) > 1 else camera
 
 
+def _check_fov(fov_deg: float) -> None:
+    if not 0 < fov_deg < 180:
+        raise ValueError(f"fov_deg must be above 0 and below 180, not {fov_deg}")
+
+
 def _view_direction(azimuth_deg: float, elevation_deg: float, up: Vector) -> NDArray[np.float64]:
     """Unit direction of view from an eye at the given angles (degrees) around the axis `up`."""
+    if not np.isfinite(azimuth_deg):
+        raise ValueError(f"azimuth_deg must be finite, not {azimuth_deg}")
     if not -90 < elevation_deg < 90:
         raise ValueError(f"elevation_deg must be between -90 and 90, not {elevation_deg}")
     side = (1, 0, 0) if np.any(np.cross(up, (1, 0, 0))) else (0, 1, 0)

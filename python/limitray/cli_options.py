@@ -35,7 +35,7 @@ ToleranceOption = Annotated[
         "box around the cage; chooses the isolation level. [default: 1e-5]"
     ),
 ]
-ThreadsOption = Annotated[int, typer.Option(min=0, help="Threads; 0 takes all cores.")]
+ThreadsOption = Annotated[int, typer.Option(min=0, max=4096, help="Threads; 0 takes all cores.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print facts as JSON to stdout.")]
 
 

@@ -32,6 +32,8 @@ from limitray.shading import INTEGRATORS
 from limitray.sky import ConstantSky, ImageSky
 from limitray.texture import SUFFIXES, Texture
 
+MAX_DEPTH = 6
+
 
 def render_command(
     model: ModelArgument,
@@ -80,7 +82,7 @@ def render_command(
     sun: Annotated[Any, vector_option("path: direction towards a sun.")] = None,
     max_depth: Annotated[
         int, typer.Option(min=1, help="path: surfaces between a light and the camera.")
-    ] = 6,
+    ] = MAX_DEPTH,
     denoise: Annotated[
         bool, typer.Option("--denoise", help="path: remove noise (needs limitray[denoise]).")
     ] = False,
@@ -119,10 +121,17 @@ def render_command(
     parse_names("--integrator", integrator, INTEGRATORS)
     check_suffix(output, FORMATS)
     check_level(isolation_level, tolerance)
-    if integrator != "path" and (sky or sun or denoise or roughness or metallic):
-        raise typer.BadParameter(
-            "need --integrator path", param_hint="--sky, --sun, --denoise, --roughness, --metallic"
-        )
+    for_path = {
+        "--sky": sky is not None,
+        "--sun": sun is not None,
+        "--max-depth": max_depth != MAX_DEPTH,
+        "--denoise": denoise,
+        "--roughness": roughness is not None,
+        "--metallic": bool(metallic),
+    }
+    given = [name for name, is_given in for_path.items() if is_given]
+    if integrator != "path" and given:
+        raise typer.BadParameter("for --integrator path alone", param_hint=", ".join(given))
     lighting = _lighting(sky, sun, max_depth, denoise) if integrator == "path" else {}
     if layers and output.suffix.lower() != ".exr":
         raise typer.BadParameter("needs an output that ends in .exr", param_hint="--aov")

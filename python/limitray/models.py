@@ -82,7 +82,9 @@ def stage_camera(scene: Scene, path: str | None) -> Camera | None:
     """
     if path is None:
         return None
-    cameras = scene.stage.cameras if scene.stage else {}
+    if scene.stage is None:
+        raise ValueError("--camera is for whole USD stages")
+    cameras = scene.stage.cameras
     if path not in cameras:
         raise ValueError(f"--camera: there is no camera {path}; found: {', '.join(cameras) or '-'}")
     return cameras[path]

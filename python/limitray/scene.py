@@ -32,6 +32,7 @@ INVALID_ID = 0xFFFFFFFF
 """Id reported for a miss."""
 
 DEFAULT_TOLERANCE = 1e-5
+MAX_THREADS = 4096
 DEVICES = ("cpu", "gpu", *BACKENDS)
 HIT_KEYS = (
     "t_hit",
@@ -72,7 +73,7 @@ class Scene:
         the extra `limitray[gpu]` and answer float32 rays only, of cast_rays and test_occlusions;
         what is answered in double (count_intersections, list_intersections) is traced on the CPU.
     threads : int
-        Threads of the tracer; 0 takes all cores. The answers do not depend on it.
+        Threads of the tracer, up to 4096; 0 takes all cores. The answers do not depend on it.
 
     Examples
     --------
@@ -89,6 +90,8 @@ class Scene:
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
         one_of("device", device, DEVICES)
         self.threads = positive_int("threads", threads, minimum=0)
+        if threads > MAX_THREADS:
+            raise ValueError(f"threads must be 0 to {MAX_THREADS}, not {threads}")
         """Threads of the tracer; 0 stands for all cores."""
         self._scene: _core.Scene | GpuScene
         if device == "cpu":

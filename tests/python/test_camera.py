@@ -106,3 +106,20 @@ def test_the_gate_reaches_the_renderer():
     assert (seen[:, 70:] == 0).all()
     with pytest.raises(ValueError, match="aspect must be a number above 0, not 0"):
         lr.Camera((0, 0, 3), (0, 0, 0), aspect=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"aspect": 0}, "aspect must be a number above 0, not 0"),
+        ({"fov_deg": np.nan}, "fov_deg must be above 0 and below 180, not nan"),
+        ({"margin": 0.5}, "margin must be at least 0 and below 0.5, not 0.5"),
+        ({"azimuth_deg": np.inf}, "azimuth_deg must be finite, not inf"),
+        ({"elevation_deg": np.nan}, "elevation_deg must be between -90 and 90, not nan"),
+        ({"up": (0, 0, 0)}, "up must not be 0"),
+        ({"up": (0, np.nan, 0)}, "up must be finite"),
+    ],
+)
+def test_wrong_arguments_of_frame_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        lr.Camera.frame(scene_of(cube()), **arguments)

@@ -149,7 +149,15 @@ FAILURES = [
     (["render", CUBE, "-o", "a.exr", "--aov", "z"], 2, '"z" is not one of depth, normal'),
     (["render", CUBE, "-o", "a.png", "--aov", "depth"], 2, "needs an output that ends in .exr"),
     (["render", CUBE, "-o", "a.png", "--fov", "200"], 1, "fov_deg must be above 0 and below 180"),
-    (["render", CUBE, "-o", "a.png", "--denoise"], 2, "need --integrator path"),
+    (["render", CUBE, "-o", "a.png", "--fov", "nan"], 1, "fov_deg must be above 0 and below 180"),
+    (["render", CUBE, "-o", "a.png", "--denoise"], 2, "--denoise: for --integrator path alone"),
+    (
+        ["render", CUBE, "-o", "a.png", "--max-depth", "3", "--roughness", "0.5"],
+        2,
+        "--max-depth, --roughness: for --integrator path alone",
+    ),
+    (["render", CUBE, "-o", "a.png", "--threads", "4097"], 2, "--threads"),
+    (["render", CUBE, "-o", "a.png", "--camera", "/a"], 1, "--camera is for whole USD stages"),
     ([*PATH, "--metallic", "1"], 1, "--metallic needs --roughness"),
     ([*PATH, "--roughness", "2"], 1, "roughness must be 0.05 to 1, not 2"),
     ([*PATH, "--sky", "blue"], 2, '"blue" is not three numbers'),
@@ -162,6 +170,8 @@ FAILURES = [
     (["cast", CUBE, "rays.npy", "-o", "a.npz"], 1, "rays.npy: No such file or directory"),
     (["cast", CUBE, CUBE, "-o", "a.npz"], 1, "not a .npy file of numbers"),
     (["cast", CUBE, "short.npy", "-o", "a.npz"], 1, "rays must have shape (..., 6), not (3, 5)"),
+    (["cast", CUBE, "rays1.npy", "-o", "a.npz", "--tnear", "-1"], 1, "tnear must be at least 0"),
+    (["cast", CUBE, "rays1.npy", "-o", "a.npz", "--tfar", "nan"], 1, "not NaN, got nan"),
     (["cast", CUBE, "short.npy", "-o", "a.npy"], 2, '"a.npy" does not end in .npz'),
     (["draw"], 2, "No such command 'draw'"),
 ]
@@ -170,6 +180,7 @@ FAILURES = [
 @pytest.mark.parametrize(("arguments", "code", "message"), FAILURES)
 def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys, tmp_path):
     np.save("short.npy", np.zeros((3, 5)))
+    np.save("rays1.npy", np.zeros((1, 6)))
     (tmp_path / "bad.obj").write_text("f 1 2 9\n")
     (tmp_path / "folder.png").mkdir()
     before = sorted(tmp_path.iterdir())

@@ -150,6 +150,8 @@ def test_construction_is_checked():
         lr.Scene(device="tpu")
     with pytest.raises(ValueError, match="threads must be an integer >= 0, not -1"):
         lr.Scene(threads=-1)
+    with pytest.raises(ValueError, match="threads must be 0 to 4096, not 4097"):
+        lr.Scene(threads=4097)
     scene = lr.Scene()
     with pytest.raises(ValueError, match=r"mesh must be a limitray\.Mesh, not str"):
         scene.add_mesh("cube.obj")
