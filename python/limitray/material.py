@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from limitray._arrays import finite_vector
 from limitray.texture import Texture
 
 if TYPE_CHECKING:
@@ -54,7 +55,8 @@ class Material:
     Raises
     ------
     ValueError
-        A number is out of its range, or there is a texture of the finish and no roughness.
+        An argument has a wrong type, a number is out of its range, or there is a texture of the
+        finish and no roughness.
     """
 
     base_color: tuple[float, float, float] = CLAY
@@ -68,9 +70,16 @@ class Material:
     metallic_texture: Texture | None = None
 
     def __post_init__(self) -> None:
+        finite_vector("base_color", self.base_color)
+        for name in ("texture", "roughness_texture", "metallic_texture"):
+            value = getattr(self, name)
+            if value is not None and not isinstance(value, Texture):
+                raise ValueError(f"{name} must be a limitray.Texture, not {value!r}")
         for name, (low, high) in RANGES.items():
             value = getattr(self, name)
-            if value is not None and not low <= value <= high:
+            if value is None and name == "roughness":
+                continue
+            if not isinstance(value, int | float | np.number) or not low <= value <= high:
                 raise ValueError(f"{name} must be {low:g} to {high:g}, not {value}")
         for name in ("roughness_texture", "metallic_texture"):
             if getattr(self, name) is not None and self.roughness is None:

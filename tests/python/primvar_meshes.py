@@ -80,4 +80,4 @@ def places(mesh, count, seed=0):
 def evaluate(mesh, name, faces, sub_quads, uv, level=None):
     scene = lr.Scene()
     scene.add_mesh(mesh, level)
-    return scene.evaluate_primvar(name, np.zeros(len(faces)), faces, sub_quads, uv)
+    return scene.evaluate_primvar(name, np.zeros(len(faces), int), faces, sub_quads, uv)

@@ -128,7 +128,6 @@ def test_directions_need_not_be_unit():
     [
         ({"rays": np.zeros((2, 6), int)}, "rays must have dtype float32 or float64, not int64"),
         ({"rays": np.zeros((2, 6), np.float16)}, "rays must have dtype float32 or float64"),
-        ({"rays": np.zeros((2, 6), ">f4")}, "rays must have dtype float32 or float64"),
         ({"rays": [["x"] * 6]}, "rays must have dtype"),
         ({"rays": np.zeros((2, 5))}, r"rays must have shape \(..., 6\), not \(2, 5\)"),
         ({"rays": np.float64(1)}, r"rays must have shape \(..., 6\), not \(\)"),

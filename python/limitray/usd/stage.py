@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from limitray._arrays import name_list, one_of
 from limitray.camera import Camera, Vector
 from limitray.material import Material
 from limitray.mesh import USD_SUFFIXES, Mesh
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from pxr import Usd
 
 PURPOSES = ("default", "render")
+ALL_PURPOSES = (*PURPOSES, "proxy", "guide")
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,8 @@ def load_scene(
         It is no USD file, usd-core is not installed, or it has meshes and none can be traced.
     """
     precision(isolation_level, tolerance)  # before meshes with errors are left out
+    for name in name_list("purposes", purposes):
+        one_of("purposes", name, ALL_PURPOSES)
     usd_stage = open_stage(path)
     code = _time_code(usd_stage, time)
     walk = Walk(usd_stage, code, tuple(purposes))
@@ -202,7 +206,7 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
     from pxr import Usd
 
     if time is not None:
-        if not np.isfinite(time):
+        if not isinstance(time, int | float | np.number) or not np.isfinite(time):
             raise ValueError(f"time must be finite, not {time}")
         return Usd.TimeCode(float(time))
     if stage.HasAuthoredTimeCodeRange():
