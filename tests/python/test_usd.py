@@ -276,6 +276,21 @@ def test_written_cages_read_back_equal(name, suffix, tmp_path):
     assert same(lr.Mesh.from_file(tmp_path / f"cage{suffix}"), mesh, np.float32)
 
 
+def test_the_order_of_holes_is_kept(tmp_path):
+    cube = lr.Mesh.from_file(CAGES / "cube.obj")
+    holes = lr.Mesh(
+        cube.points, cube.face_vertex_counts, cube.face_vertex_indices, hole_indices=[4, 1, 2]
+    )
+    write_usd(holes, tmp_path / "cage.usda")
+    assert same(lr.Mesh.from_file(tmp_path / "cage.usda"), holes, np.float32)
+
+    def repeat(mesh):
+        mesh.CreateHoleIndicesAttr([0, 0])
+
+    broken_stage(tmp_path / "twice.usda", repeat)
+    assert lr.Mesh.from_file(tmp_path / "twice.usda").hole_indices.tolist() == [0]
+
+
 def test_all_primvars_are_written(tmp_path):
     mesh = lr.Mesh.from_file(FILES / "tags.usda")
     wide = lr.Primvar(np.arange(14.0).reshape(2, 7), "uniform", [0, 1, 0, 1, 1])

@@ -49,7 +49,7 @@ def read_mesh(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Mesh, list[str]]:
     notes: list[str] = []
     arguments: dict[str, Any] = {
         "orientation": str(mesh.GetOrientationAttr().Get(time)),
-        "hole_indices": _unique_holes(mesh, time, len(counts)),
+        "hole_indices": _unique_holes(mesh, time),
         "primvars": {},
     }
     if scheme == "catmullClark":
@@ -73,9 +73,10 @@ def _array(values: Any, dtype: Any) -> NDArray[Any]:
     return np.zeros(0, dtype) if values is None else np.array(values, dtype)
 
 
-def _unique_holes(mesh: UsdGeom.Mesh, time: Usd.TimeCode, faces: int) -> NDArray[np.int32]:
-    """Holes once each; an index beyond the faces stays, to be refused."""
-    return np.unique(_array(mesh.GetHoleIndicesAttr().Get(time), np.int32))
+def _unique_holes(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> NDArray[np.int32]:
+    """Holes once each, as they come; an index beyond the faces stays, to be refused."""
+    holes = _array(mesh.GetHoleIndicesAttr().Get(time), np.int32)
+    return holes[np.sort(np.unique(holes, return_index=True)[1])]
 
 
 def _subdivision_rules(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> dict[str, Any]:
