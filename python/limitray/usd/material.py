@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from limitray.material import Material
 from limitray.mesh import Mesh, Primvar
+from limitray.usd.faces import Faces
 from limitray.usd.shader import Color, SurfaceReader
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class MaterialReader:
     def __post_init__(self) -> None:
         self._surfaces = SurfaceReader(self.time, self._note)
 
-    def read(self, prim: Usd.Prim, mesh: Mesh) -> Bound | None:
+    def read(self, prim: Usd.Prim, mesh: Mesh, kept: Faces) -> Bound | None:
         """Materials of a mesh, and the one of each face where subsets have their own.
 
         None if nothing says what colour the mesh has.
@@ -50,7 +51,8 @@ class MaterialReader:
             indices = np.array(subset.GetIndicesAttr().Get(self.time) or [], np.int64)
             if material is None or not len(indices):
                 continue
-            if indices.min() < 0 or indices.max() >= len(faces):
+            indices = kept.renumbered(indices)
+            if len(indices) and (indices.min() < 0 or indices.max() >= len(faces)):
                 self._note(f"{subset.GetPath()}: ignored: it names faces that the mesh lacks")
                 continue
             faces[indices] = len(materials)

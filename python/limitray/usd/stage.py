@@ -15,6 +15,7 @@ from limitray.camera import Camera, Vector
 from limitray.material import Material
 from limitray.mesh import USD_SUFFIXES, Mesh
 from limitray.scene import Scene, precision
+from limitray.usd.faces import Faces
 from limitray.usd.material import MaterialReader
 from limitray.usd.mesh import read_mesh
 from limitray.usd.walk import PlacedMesh, Walk
@@ -108,9 +109,9 @@ def load_scene(
     paths: list[str] = []
     for placed in walk.meshes():
         try:
-            mesh, found = read_mesh(placed.prims[0], code)
+            mesh, faces, found = read_mesh(placed.prims[0], code)
             notes += found
-            paths += _add(scene, mesh, placed, (isolation_level, tolerance), materials)
+            paths += _add(scene, mesh, faces, placed, (isolation_level, tolerance), materials)
         except ValueError as error:
             notes.append(f"left out: {error}")
     notes = [*_unresolved(usd_stage), *notes]
@@ -217,6 +218,7 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
 def _add(
     scene: Scene,
     mesh: Mesh,
+    faces: Faces,
     placed: PlacedMesh,
     precision: tuple[int | None, float | None],
     materials: MaterialReader,
@@ -246,7 +248,7 @@ def _add(
             added = scene.add_mesh(mesh, precision[0], transform, tolerance=precision[1])
         else:
             added = scene.add_instance(next(iter(sources.values())), transform)
-        bound = materials.read(placed.prims[first], mesh)
+        bound = materials.read(placed.prims[first], mesh, faces)
         if bound is not None or sources:
             scene.set_material(added, *(bound or ([Material()], None)))
         sources[first] = added
