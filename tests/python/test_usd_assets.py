@@ -199,3 +199,98 @@ def test_render_through_the_camera_of_the_set(chess, tmp_path, monkeypatch, caps
     gate, wide = pictures
     assert np.abs(wide[:, 45:135] - gate).mean() < 4, "the middle of the wide one is the gate"
     assert np.abs(wide[:, :90] - gate).mean() > 24
+
+
+LEAF = """#usda 1.0
+(defaultPrim = "Leaf")
+def Xform "Leaf"
+{
+    double3 xformOp:translate = (0, 0, 1)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def Mesh "Square"
+    {
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+        uniform token subdivisionScheme = "none"
+        float xformOp:rotateZ = 30
+        uniform token[] xformOpOrder = ["xformOp:rotateZ"]
+    }
+}
+"""
+FIELD = """#usda 1.0
+(defaultPrim = "Field")
+def PointInstancer "Field"
+{
+    rel prototypes = [</Field/Protos/Leaf>, </Field/Protos/Pair>]
+    int[] protoIndices = [0, 1, 0, 1, 0]
+    point3f[] positions.timeSamples = {
+        1: [(0, 0, 0), (5, 0, 0), (10, 0, 0), (15, 0, 2), (20, 0, 0)],
+        3: [(0, 4, 0), (5, 0, 4), (10, 0, 0), (15, 0, 2), (20, 8, 0)],
+    }
+    quatf[] orientations = [(1, 0, 0, 0), (0.8, 0, 0.6, 0), (1, 0, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]
+    float3[] scales = [(1, 1, 1), (2, 1, 3), (1, 1, 1), (1, 2, 1), (1, 1, 1)]
+    int64[] invisibleIds = [4]
+    float3 xformOp:scale = (1, 2, 1)
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+    def Scope "Protos"
+    {
+        def "Leaf" (
+            instanceable = true
+            references = @leaf.usda@
+        )
+        {
+        }
+        def PointInstancer "Pair"
+        {
+            rel prototypes = [</Field/Protos/Pair/Leaf>]
+            int[] protoIndices = [0, 0]
+            point3f[] positions = [(0, 0, 0), (0, 0, 2.5)]
+            double3 xformOp:translate = (0.5, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+            def "Leaf" (references = @leaf.usda@)
+            {
+            }
+        }
+    }
+}
+"""
+NESTED = """#usda 1.0
+def Xform "World"
+{
+    double3 xformOp:translate = (100, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def "Far" (
+        instanceable = true
+        references = @field.usda@
+    )
+    {
+        double3 xformOp:translate = (0, 50, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def "Near" (references = @field.usda@)
+    {
+    }
+    def "Hidden" (references = @field.usda@)
+    {
+        token visibility = "invisible"
+        double3 xformOp:translate = (0, 0, 500)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("time", [1, 2, 3])
+def test_nested_instancers_stand_where_usd_says(tmp_path, time):
+    """Instancers of instances and of instancers, against the bounds that USD itself computes."""
+    for name, text in (("leaf", LEAF), ("field", FIELD), ("nested", NESTED)):
+        (tmp_path / f"{name}.usda").write_text(text)
+    scene = lr.load_scene(tmp_path / "nested.usda", time)
+    assert scene.stage.notes == ()
+    fields, leaves, pairs = 2, 2, 2
+    assert scene.geometry_count() == fields * (leaves + 2 * pairs)
+    stage = Usd.Stage.Open(str(tmp_path / "nested.usda"))
+    boxes = UsdGeom.BBoxCache(Usd.TimeCode(time), ["default"])
+    box = boxes.ComputeWorldBound(stage.GetPseudoRoot()).ComputeAlignedRange()
+    np.testing.assert_allclose(scene.bounds(), [box.GetMin(), box.GetMax()], atol=1e-4)
