@@ -1,6 +1,7 @@
 """USD files: each attribute of a mesh, what is seen and where, materials, and writing."""
 
 import os
+import re
 import shutil
 import time
 from pathlib import Path
@@ -76,6 +77,16 @@ def test_points_at_a_time_code():
     ]
     assert heights[0] == heights[1]
     np.testing.assert_allclose(np.array(heights[2:]) / heights[1], [2, 3], rtol=1e-2)
+
+
+def test_a_start_without_an_end_is_the_time(tmp_path):
+    stage = Usd.Stage.Open(str(FILES / "tags.usda"))
+    stage.GetRootLayer().Export(str(tmp_path / "late.usda"))
+    late = Usd.Stage.Open(str(tmp_path / "late.usda"))
+    late.ClearMetadata("endTimeCode")
+    late.SetStartTimeCode(2)
+    late.GetRootLayer().Save()
+    assert lr.load_scene(tmp_path / "late.usda").stage.time == 2
 
 
 def test_schemes():
@@ -308,13 +319,15 @@ def test_all_primvars_are_written(tmp_path):
     assert again.primvars["wide"].interpolation == "uniform"
 
 
-def test_errors(tmp_path):
+def test_errors(tmp_path, capfd):
     with pytest.raises(ValueError, match="prim must name one of 5 meshes: /CatmullClark, "):
         lr.Mesh.from_file(FILES / "schemes.usda")
     with pytest.raises(ValueError, match="prim /World/Shot is no mesh"):
         lr.Mesh.from_file(FILES / "placed.usda", prim="/World/Shot")
-    with pytest.raises(ValueError, match="prim nonsense here is no mesh"):
-        lr.Mesh.from_file(FILES / "placed.usda", prim="nonsense here")
+    for name in ("nonsense here", "/World /Turned", "/World[0]", "", "/", "/World.visibility"):
+        with pytest.raises(ValueError, match=f"prim {re.escape(name)} is no mesh of this file"):
+            lr.Mesh.from_file(FILES / "placed.usda", prim=name)
+    assert capfd.readouterr() == ("", "")
     with pytest.raises(FileNotFoundError):
         lr.load_scene(tmp_path / "none.usda")
     (tmp_path / "bad.usda").write_text("#usda 1.0\ndef Mesh {")

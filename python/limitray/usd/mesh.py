@@ -46,7 +46,8 @@ def read_mesh(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Mesh, Faces, list[str
     indices = _array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int32)
     points = _array(mesh.GetPointsAttr().Get(time), np.float64).reshape(-1, 3)
     if not len(counts) or not len(points):
-        raise ValueError(f"{prim.GetPath()}: has no faces or no points at time {time}")
+        when = "" if time.IsEarliestTime() else f" at time {time.GetValue():g}"
+        raise ValueError(f"{prim.GetPath()}: has no faces or no points{when}")
     notes: list[str] = []
     faces = Faces.repaired(counts, indices, notes)
     counts, indices = faces.counts, faces.indices

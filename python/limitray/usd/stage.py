@@ -153,7 +153,7 @@ def mesh_from_usd(
         There is no such mesh, or several and none was chosen; or the mesh is not valid.
     """
     stage = open_stage(path)
-    from pxr import Usd, UsdGeom
+    from pxr import Sdf, Usd, UsdGeom
 
     if prim is None:
         meshes = [p for p in stage.Traverse(Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
@@ -162,7 +162,7 @@ def mesh_from_usd(
             raise ValueError(f"{path}: prim must name one of {len(meshes)} meshes: {names or '-'}")
         found = meshes[0]
     else:
-        valid = prim.startswith("/")
+        valid = prim.startswith("/") and Sdf.Path.IsValidPathString(prim)
         found = stage.GetPrimAtPath(prim) if valid else Usd.Prim()
         if not found or not found.IsA(UsdGeom.Mesh):
             raise ValueError(f"{path}: prim {prim} is no mesh of this file")
@@ -210,7 +210,7 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
         if not isinstance(time, int | float | np.number) or not np.isfinite(time):
             raise ValueError(f"time must be finite, not {time}")
         return Usd.TimeCode(float(time))
-    if stage.HasAuthoredTimeCodeRange():
+    if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
     return Usd.TimeCode.EarliestTime()
 
