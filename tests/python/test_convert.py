@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from shapes import CAGES, REPOSITORY, assert_fails, cage
-from test_usd import same
+from shapes import CAGES, REPOSITORY, assert_fails, cage, same
 
 import limitray as lr
 from limitray.cli import main
