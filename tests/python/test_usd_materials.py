@@ -194,3 +194,45 @@ def test_binding_a_material_that_is_not_there(tmp_path):
     )
     (note,) = lr.load_scene(tmp_path / "a.usda").stage.notes
     assert note.startswith("/Looks/Gold: not shown: there is no such material on the stage")
+
+
+FIELD = """#usda 1.0
+def PointInstancer "Field"
+{
+    rel prototypes = [</Field/Plain>, </Field/Own>]
+    int[] protoIndices = [0, 0, 1, 0, 1]
+    point3f[] positions = [(0, 0, 0), (2, 0, 0), (4, 0, 0), (6, 0, 0), (8, 0, 0)]
+    color3f[] primvars:displayColor = [(1, 0, 0), (0, 1, 0), (0, 0, 1)] (
+        interpolation = "vertex"
+    )
+    int[] primvars:displayColor:indices = [0, 1, 1, 0, 2]
+    float[] primvars:age = [1, 2, 3, 4, 5] (
+        interpolation = "vertex"
+    )
+    def "Plain" (references = @piece.usda@)
+    {
+    }
+    def "Own" (references = @piece.usda@)
+    {
+        over "Tile"
+        {
+            color3f[] primvars:displayColor = [(0.5, 0.25, 0.125)]
+        }
+    }
+}
+"""
+
+
+def test_an_instancer_colours_its_instances(tmp_path):
+    """Meshes without a displayColor of their own have that of their instance."""
+    (tmp_path / "piece.usda").write_text(PIECE)
+    (tmp_path / "field.usda").write_text(FIELD)
+    scene = lr.load_scene(tmp_path / "field.usda")
+    assert scene.stage.notes == ("/Field: primvars of instances ignored: age",)
+    hits = hits_at(scene, [(2 * k + 0.5, 0.5) for k in range(5)])
+    own = (0.5, 0.25, 0.125)
+    expected = [(1, 0, 0), (0, 1, 0), own, (1, 0, 0), own]
+    np.testing.assert_allclose(base_colors(scene, hits), expected, atol=1e-7)
+    (tmp_path / "field.usda").write_text(FIELD.replace("indices = [0, 1, 1, 0, 2]", "x = [0]"))
+    notes = lr.load_scene(tmp_path / "field.usda").stage.notes
+    assert any("displayColor of instances ignored: 3 colours of 3 values for 5" in n for n in notes)

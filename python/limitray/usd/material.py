@@ -13,11 +13,11 @@ from limitray.material import Material
 from limitray.mesh import Mesh, Primvar
 from limitray.usd.faces import Faces
 from limitray.usd.shader import Color, SurfaceReader
+from limitray.usd.walk import DISPLAY_COLOR
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdShade
 
-DISPLAY_COLOR = "displayColor"
 Bound = tuple[list[Material], NDArray[np.intp] | None]
 
 
@@ -36,14 +36,17 @@ class MaterialReader:
     def __post_init__(self) -> None:
         self._surfaces = SurfaceReader(self.time, self._note)
 
-    def read(self, prim: Usd.Prim, mesh: Mesh, kept: Faces) -> Bound | None:
+    def read(
+        self, prim: Usd.Prim, mesh: Mesh, kept: Faces, color: Color | None = None
+    ) -> Bound | None:
         """Materials of a mesh, and the one of each face where subsets have their own.
 
-        None if nothing says what colour the mesh has.
+        `color` is the displayColor of its instances, for meshes that have none of their own. None
+        if nothing says what colour the mesh has.
         """
         from pxr import UsdShade
 
-        whole = self._bound(prim) or self._display_color(prim, mesh)
+        whole = self._bound(prim) or self._display_color(prim, mesh, color)
         materials = [whole or Material()]
         faces = np.zeros(len(mesh.face_vertex_counts), np.intp)
         for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
@@ -61,10 +64,11 @@ class MaterialReader:
             return materials, faces
         return (materials, None) if whole else None
 
-    def groups(self, prims: Sequence[Usd.Prim]) -> list[int]:
+    def groups(self, prims: Sequence[Usd.Prim], colors: Sequence[Color | None]) -> list[int]:
         """For each instance of one mesh the first one that surely has the same materials.
 
-        Native instances share a mesh, but not what they inherit from the prims above them.
+        Native instances share a mesh, but not what they inherit from the prims above them, and
+        those of an instancer have its `colors`.
         """
         from pxr import UsdShade
 
@@ -78,7 +82,8 @@ class MaterialReader:
         found = []
         for k, prim in enumerate(prims):
             paths = [_shared_path(material[k]) if material[k] else None for material in bound]
-            found.append(firsts.setdefault((*paths, self._constant_color(prim)), k))
+            key = (*paths, self._constant_color(prim), colors[k])
+            found.append(firsts.setdefault(key, k))
         return found
 
     def _note(self, text: str) -> None:
@@ -128,8 +133,14 @@ class MaterialReader:
             return None
         return self._surfaces.read(shader)
 
-    def _display_color(self, prim: Usd.Prim, mesh: Mesh) -> Material | None:
-        """The material of a mesh with a primvar displayColor, its own or one from above."""
+    def _display_color(self, prim: Usd.Prim, mesh: Mesh, instance: Color | None) -> Material | None:
+        """The material of a displayColor: a mesh's own, its instance's, or one from above."""
+        from pxr import UsdGeom
+
+        if instance is not None:
+            own = UsdGeom.PrimvarsAPI(prim).GetPrimvar(DISPLAY_COLOR)
+            if not own.HasValue():
+                return Material(instance)
         primvar = mesh.primvars.get(DISPLAY_COLOR)
         varies = not isinstance(primvar, Primvar) or primvar.interpolation != "constant"
         if primvar is not None and varies:

@@ -228,7 +228,7 @@ def _add(
     Instances whose materials are others than the first one's are given theirs once, and the
     following ones are made of that one.
     """
-    first_of_group = materials.groups(placed.prims)
+    first_of_group = materials.groups(placed.prims, placed.colors)
     group = np.repeat(first_of_group, [len(m) for m in placed.matrices])
     matrices = np.concatenate(placed.matrices)
     invertible = np.abs(np.linalg.det(matrices[:, :3, :3])) > 0
@@ -248,7 +248,7 @@ def _add(
             added = scene.add_mesh(mesh, precision[0], transform, tolerance=precision[1])
         else:
             added = scene.add_instance(next(iter(sources.values())), transform)
-        bound = materials.read(placed.prims[first], mesh, faces)
+        bound = materials.read(placed.prims[first], mesh, faces, placed.colors[first])
         if bound is not None or sources:
             scene.set_material(added, *(bound or ([Material()], None)))
         sources[first] = added

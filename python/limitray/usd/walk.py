@@ -10,11 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limitray.camera import Camera
+from limitray.usd.shader import Color
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
 
+DISPLAY_COLOR = "displayColor"
 Matrices = NDArray[np.float64]
+
+MOST_COLORS = 256
+"""Different colours that the instances of an instancer may have."""
 
 
 @dataclass
@@ -22,10 +27,12 @@ class PlacedMesh:
     """One mesh of the file and where it stands.
 
     `prims` are the prims that stand for it, one where it is no native instance; `matrices` has an
-    array (n, 4, 4) for each of them, `paths` one path for each matrix.
+    array (n, 4, 4) for each of them, `paths` one path for each matrix. `colors` has for each prim
+    the displayColor that an instancer gives, or None.
     """
 
     prims: list[Usd.Prim] = field(default_factory=list)
+    colors: list[Color | None] = field(default_factory=list)
     matrices: list[Matrices] = field(default_factory=list)
     paths: list[str] = field(default_factory=list)
 
@@ -82,10 +89,13 @@ class Walk:
                     self.notes.append(f"{prim.GetPath()}: shown without its aperture offset")
         return found
 
-    def _visit(self, root: Usd.Prim, parents: Matrices, prototype: bool) -> None:
+    def _visit(
+        self, root: Usd.Prim, parents: Matrices, prototype: bool, color: Color | None = None
+    ) -> None:
         """Collects what lies under `root`; `parents` (n, 4, 4) place its space in the world.
 
-        A prototype of an instancer may be a mere `over`, and is seen whatever its parents say.
+        `color` is what an instancer gives its instances. A prototype of an instancer may be a mere
+        `over`, and is seen whatever its parents say.
         """
         from pxr import Usd, UsdGeom, UsdLux
 
@@ -103,10 +113,10 @@ class Walk:
             elif prim.IsA(UsdGeom.PointInstancer):
                 walk.PruneChildren()
                 if imageable.ComputePurpose() in self._purposes:
-                    self._instancer(UsdGeom.PointInstancer(prim), root, parents, prototype)
+                    self._instancer(UsdGeom.PointInstancer(prim), root, parents, prototype, color)
             elif prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() in self._purposes:
                 if prim.IsA(UsdGeom.Mesh):
-                    self._place(prim, parents @ self._matrix(prim, root, prototype))
+                    self._place(prim, parents @ self._matrix(prim, root, prototype), color)
                 else:
                     self._others[str(prim.GetTypeName())] += 1
 
@@ -118,17 +128,23 @@ class Walk:
             return np.eye(4)
         return _column_matrix(self._transforms.ComputeRelativeTransform(prim, root)[0])
 
-    def _place(self, prim: Usd.Prim, matrices: Matrices) -> None:
+    def _place(self, prim: Usd.Prim, matrices: Matrices, color: Color | None) -> None:
         shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         placed = self._placed.setdefault(str(shared.GetPath()), PlacedMesh())
         placed.prims.append(prim)
+        placed.colors.append(color)
         placed.matrices.append(matrices)
         placed.paths += [str(prim.GetPath())] * len(matrices)
 
     def _instancer(
-        self, instancer: UsdGeom.PointInstancer, root: Usd.Prim, parents: Matrices, prototype: bool
+        self,
+        instancer: UsdGeom.PointInstancer,
+        root: Usd.Prim,
+        parents: Matrices,
+        prototype: bool,
+        inherited: Color | None,
     ) -> None:
-        """Visits each prototype once, with the matrices of all its instances."""
+        """Visits each prototype once a colour, with the matrices of all instances that have it."""
         from pxr import UsdGeom
 
         prim = instancer.GetPrim()
@@ -149,11 +165,33 @@ class Walk:
         self._note_instance_primvars(prim)
         mask = np.array(instancer.ComputeMaskAtTime(self._time) or [True] * len(kinds), bool)
         local = self._matrix(prim, root, prototype) @ np.array(found).transpose(0, 2, 1)
+        colors = self._instance_colors(prim, len(kinds)) or [(inherited, np.ones(len(kinds), bool))]
         for kind, prototype_root in enumerate(roots):
-            matrices = local[(kinds == kind) & mask]
-            if prototype_root and len(matrices):
-                world = (parents[:, np.newaxis] @ matrices).reshape(-1, 4, 4)
-                self._visit(prototype_root, world, prototype=True)
+            for color, has_color in colors:
+                matrices = local[(kinds == kind) & mask & has_color]
+                if prototype_root and len(matrices):
+                    world = (parents[:, np.newaxis] @ matrices).reshape(-1, 4, 4)
+                    self._visit(prototype_root, world, prototype=True, color=color)
+
+    def _instance_colors(
+        self, instancer: Usd.Prim, count: int
+    ) -> list[tuple[Color | None, NDArray[np.bool_]]]:
+        """Each displayColor that an instancer gives, and which instances have it; often none."""
+        from pxr import UsdGeom
+
+        primvar = UsdGeom.PrimvarsAPI(instancer).GetPrimvar(DISPLAY_COLOR)
+        if not primvar.HasValue() or primvar.GetInterpolation() == UsdGeom.Tokens.constant:
+            return []
+        values = np.array(primvar.ComputeFlattened(self._time) or [], np.float64).reshape(-1, 3)
+        found, rows = np.unique(values, axis=0, return_inverse=True)
+        if len(values) != count or len(found) > MOST_COLORS:
+            self.notes.append(
+                f"{instancer.GetPath()}: {DISPLAY_COLOR} of instances ignored: {len(found)} "
+                f"colours of {len(values)} values for {count} instances, at most {MOST_COLORS}"
+            )
+            return []
+        tuples = [(float(r), float(g), float(b)) for r, g, b in found]
+        return [(color, rows.ravel() == k) for k, color in enumerate(tuples)]
 
     def _note_instance_primvars(self, instancer: Usd.Prim) -> None:
         from pxr import UsdGeom
@@ -162,6 +200,7 @@ class Walk:
             str(primvar.GetPrimvarName())
             for primvar in UsdGeom.PrimvarsAPI(instancer).GetPrimvarsWithValues()
             if primvar.GetInterpolation() != UsdGeom.Tokens.constant
+            and primvar.GetPrimvarName() != DISPLAY_COLOR
         ]
         if varying:
             names = ", ".join(varying)
