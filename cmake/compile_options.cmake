@@ -2,6 +2,13 @@
 # set. Fast-math is never used. The kernels may contract a*b+c to one fused operation: their error
 # bounds hold with and without, since it only leaves out a rounding.
 
+# The kernels use __builtin_shufflevector, which GCC has from 12 on.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 12)
+  message(FATAL_ERROR "limitray needs GCC 12 or newer, or Clang; ${CMAKE_CXX_COMPILER} is "
+                      "GCC ${CMAKE_CXX_COMPILER_VERSION}. Choose another by "
+                      "-DCMAKE_CXX_COMPILER=g++-12 or the environment variable CXX.")
+endif()
+
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64|amd64)$")
   set(LIMITRAY_IS_X86 ON)
 endif()

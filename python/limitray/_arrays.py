@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,17 @@ Shape = tuple[int | None, ...]
 
 
 def to_array(name: str, values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array; ragged or non-array input raises ValueError naming `name`."""
+    """`values` as an array in this machine's byte order.
+
+    Ragged or masked input, and such that is no array, raises ValueError naming `name`.
+    """
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise ValueError(f"{name} must not be masked: fill the {values.mask.sum()} masked values")
     try:
-        return np.asarray(values)
+        array = np.asarray(values)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
+    return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
 
 
 def check_shape(name: str, array: NDArray[Any], shape: Shape) -> None:
@@ -38,7 +45,8 @@ def real_array(name: str, values: ArrayLike, shape: Shape, dtype: type = np.floa
     elif array.dtype.kind not in "fiu":
         raise ValueError(f"{name} must hold real numbers, not {array.dtype}")
     check_shape(name, array, shape)
-    return np.ascontiguousarray(array, dtype)
+    with np.errstate(over="ignore"):  # beyond the range of a float is infinite
+        return np.ascontiguousarray(array, dtype)
 
 
 def index_array(name: str, values: ArrayLike) -> NDArray[np.int32]:
@@ -58,6 +66,18 @@ def to_int32(name: str, array: NDArray[Any]) -> NDArray[np.int32]:
     if array.min() < limits.min or array.max() > limits.max:
         raise ValueError(f"{name} must fit 32-bit integers; it holds {array.min()}..{array.max()}")
     return array.astype(np.int32, order="C", copy=False)
+
+
+def id_array(name: str, values: ArrayLike) -> NDArray[np.uint32]:
+    """`values` as an array of uint32, as `cast_rays` returns ids; raises ValueError otherwise."""
+    array = to_array(name, values)
+    if array.dtype.kind not in "iu" and array.size:
+        raise ValueError(f"{name} must hold integers, not {array.dtype}")
+    if array.dtype != np.uint32 and array.size:
+        low, high = array.min(), array.max()
+        if low < 0 or high > 0xFFFFFFFF:
+            raise ValueError(f"{name} must be 0 to 0xFFFFFFFF; it holds {low}..{high}")
+    return np.ascontiguousarray(array, np.uint32)
 
 
 def finite_vector(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -99,6 +119,20 @@ def positive_number(name: str, value: float) -> float:
 
 def one_of(name: str, value: str, choices: tuple[str, ...]) -> str:
     """`value` if it is among `choices`; raises ValueError that lists them otherwise."""
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} must be one of {', '.join(choices)}, not {value!r}")
     return value
+
+
+def name_list(name: str, values: Sequence[str]) -> list[str]:
+    """`values` as a list if they are a sequence of names; raises ValueError otherwise."""
+    if isinstance(values, str):
+        raise ValueError(f'{name} must be a sequence of names, such as ("{values}",)')
+    try:
+        names = list(values)
+    except TypeError:
+        raise ValueError(f"{name} must be a sequence of names, not {values!r}") from None
+    for value in names:
+        if not isinstance(value, str):
+            raise ValueError(f"{name} must hold names, not {value!r}")
+    return names

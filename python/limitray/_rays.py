@@ -35,6 +35,7 @@ def _limit(
         raise ValueError(f"{name} must be a real number or an array, not {array.dtype}")
     if array.shape not in ((), shape):
         raise ValueError(f"{name} must be a number or have shape {shape}, not {array.shape}")
-    if not (array >= 0).all():
-        raise ValueError(f"{name} must be at least 0 and not NaN")
+    wrong = array[~(array >= 0)]
+    if wrong.size:
+        raise ValueError(f"{name} must be at least 0 and not NaN, got {wrong[0]}")
     return np.ascontiguousarray(array.reshape(-1), dtype)

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from limitray import _core, cli_output
+from limitray.cli_options import PrimOption
 from limitray.mesh import Mesh
 from limitray.obj import write_obj
 
@@ -49,7 +50,8 @@ def _parse_count(text: str) -> int:
 
 def bench_command(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="Cage: .obj or a USD file.")],
-    threads: Annotated[int, typer.Option(min=0, help="Threads; 0 takes all cores.")] = 0,
+    prim: PrimOption = None,
+    threads: Annotated[int, typer.Option(min=0, max=4096, help="Threads; 0 takes all cores.")] = 0,
     isolation_level: Annotated[
         int, typer.Option(min=1, max=10, help="How deep irregular features are isolated.")
     ] = 4,
@@ -99,7 +101,7 @@ def bench_command(
     options = ["--threads", str(threads), "--isolation-level", str(isolation_level)]
     options += ["--rays", str(rays), "--rounds", str(rounds)]
     options += ["--tracers", tracers] if tracers else []
-    report = measure(model, options)
+    report = measure(model, options, prim)
     if json_file is not None:
         json_file.write_text(json.dumps(report, indent=2) + "\n")
     if plot_file is not None:
@@ -107,13 +109,13 @@ def bench_command(
     print_report(report)
 
 
-def measure(model: Path, options: list[str]) -> Report:
-    """Runs limitray_bench on a cage; returns what it reports."""
-    with tempfile.TemporaryDirectory() as folder:
+def measure(model: Path, options: list[str], prim: str | None = None) -> Report:
+    """Runs limitray_bench on a cage, or one mesh of a USD file; returns what it reports."""
+    with model.open("rb"), tempfile.TemporaryDirectory() as folder:
         cage = model
-        if model.suffix.lower() != ".obj":
+        if prim is not None or model.suffix.lower() != ".obj":
             cage = Path(folder) / f"{model.stem}.obj"
-            write_obj(Mesh.from_file(model), cage)
+            write_obj(Mesh.from_file(model, prim), cage)
         result = Path(folder) / "report.json"
         _run([str(_program()), str(cage), *options, "--json", str(result)])
         report: Report = json.loads(result.read_text())

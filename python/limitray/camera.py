@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from limitray._arrays import finite_vector, positive_int
+from limitray._arrays import finite_vector, positive_int, positive_number
 from limitray.scene import Scene
 
 Vector = tuple[float, float, float]
@@ -31,22 +31,34 @@ class Camera:
         Direction that points up in the picture.
     fov_deg : float
         Horizontal field of view in degrees, above 0 and below 180.
+    aspect : float, optional
+        Width over height of the part that every picture shows, as that of a film gate: a picture
+        of another shape shows more, above and below it or at its sides. Without it the field of
+        view is as wide as the picture, whatever its shape.
 
     Raises
     ------
     ValueError
-        A vector is not finite, eye and center coincide, or up is parallel to the view.
+        A vector is not finite, eye and center coincide, up is parallel to the view, or a number is
+        out of its range.
     """
 
     eye: Vector
     center: Vector
     up: Vector = (0.0, 1.0, 0.0)
     fov_deg: float = 40.0
+    aspect: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.fov_deg < 180:
-            raise ValueError(f"fov_deg must be above 0 and below 180, not {self.fov_deg}")
+        _check_fov(self.fov_deg)
+        if self.aspect is not None:
+            positive_number("aspect", self.aspect)
         self.axes()
+
+    def half_width(self, width: int, height: int) -> float:
+        """Half the width of a picture of this many pixels, at distance 1 along the view."""
+        half = float(np.tan(np.radians(self.fov_deg) / 2))
+        return half if self.aspect is None else half * max(1.0, width / height / self.aspect)
 
     def axes(self) -> NDArray[np.float64]:
         """Unit vectors (3, 3): right, up and forward."""
@@ -64,7 +76,7 @@ class Camera:
         Directions have length 1 along the axis of view, so that t is the depth.
         """
         right, up, forward = self.axes()
-        half = np.tan(np.radians(self.fov_deg) / 2)
+        half = self.half_width(width, height)
         across = (2 * np.asarray(x) / width - 1) * half
         upward = (1 - 2 * np.asarray(y) / height) * half * height / width
         directions = forward + across[..., np.newaxis] * right + upward[..., np.newaxis] * up
@@ -77,7 +89,7 @@ class Camera:
         aspect: float = 4 / 3,
         azimuth_deg: float = 30.0,
         elevation_deg: float = 22.0,
-        up: Vector = (0.0, 1.0, 0.0),
+        up: Vector | None = None,
         fov_deg: float = 28.0,
         margin: float = 0.08,
     ) -> Camera:
@@ -96,13 +108,27 @@ class Camera:
             along -z if y is up, and along +y if z is up.
         elevation_deg : float
             How far the eye is above the horizon, in degrees, between -90 and 90.
-        up : (3,)
-            Direction that points up in the picture.
+        up : (3,), optional
+            Direction that points up in the picture; the up axis of the scene's USD stage, or y,
+            unless given.
         fov_deg : float
             Horizontal field of view in degrees.
         margin : float
             Free part of the picture on each side, 0 to below 0.5.
+
+        Raises
+        ------
+        ValueError
+            The scene is empty, or an argument is out of its range.
         """
+        if up is None:
+            up = scene.stage.up if scene.stage else (0.0, 1.0, 0.0)
+        positive_number("aspect", aspect)
+        _check_fov(fov_deg)
+        if not 0 <= margin < 0.5:
+            raise ValueError(f"margin must be at least 0 and below 0.5, not {margin}")
+        if not finite_vector("up", up).any():
+            raise ValueError("up must not be 0")
         direction = _view_direction(azimuth_deg, elevation_deg, up)
         corners = np.array(list(product(*scene.bounds().T)))
         camera = _fit(corners, aspect, direction, up, fov_deg, margin)
@@ -115,8 +141,15 @@ class Camera:
         return _fit(seen, aspect, direction, up, fov_deg, margin) if len(seen) > 1 else camera
 
 
+def _check_fov(fov_deg: float) -> None:
+    if not 0 < fov_deg < 180:
+        raise ValueError(f"fov_deg must be above 0 and below 180, not {fov_deg}")
+
+
 def _view_direction(azimuth_deg: float, elevation_deg: float, up: Vector) -> NDArray[np.float64]:
     """Unit direction of view from an eye at the given angles (degrees) around the axis `up`."""
+    if not np.isfinite(azimuth_deg):
+        raise ValueError(f"azimuth_deg must be finite, not {azimuth_deg}")
     if not -90 < elevation_deg < 90:
         raise ValueError(f"elevation_deg must be between -90 and 90, not {elevation_deg}")
     side = (1, 0, 0) if np.any(np.cross(up, (1, 0, 0))) else (0, 1, 0)

@@ -17,17 +17,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from limitray import cli_options as options
 from limitray import cli_output
 from limitray.bench import bench_command
-from limitray.cli_options import (
-    JsonOption,
-    LevelOption,
-    ModelArgument,
-    PrimOption,
-    ThreadsOption,
-    check_suffix,
-    parse_names,
-)
 from limitray.cli_render import render_command
 from limitray.convert import convert_command
 from limitray.info import mesh_info
@@ -64,17 +56,11 @@ def _root(
 
 @app.command("info")
 def info_command(
-    model: ModelArgument,
-    prim: PrimOption = None,
-    isolation_level: LevelOption = None,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            help="How far the surface may be from the true limit, relative to the longest side of "
-            "the box around the cage; chooses the isolation level. [default: 1e-5]"
-        ),
-    ] = None,
-    as_json: JsonOption = False,
+    model: options.ModelArgument,
+    prim: options.PrimOption = None,
+    isolation_level: options.LevelOption = None,
+    tolerance: options.ToleranceOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Prints what MODEL is made of: faces, vertices, creases, patches, memory, warnings.
 
@@ -84,6 +70,7 @@ def info_command(
 
         limitray info spot.obj --isolation-level 6 --json
     """
+    options.check_level(isolation_level, tolerance)
     facts = mesh_info(Mesh.from_file(model, prim), isolation_level, tolerance)
     if as_json:
         print(json.dumps({"model": str(model), **facts}, indent=2))
@@ -93,7 +80,7 @@ def info_command(
 
 @app.command("cast")
 def cast_command(
-    model: ModelArgument,
+    model: options.ModelArgument,
     rays: Annotated[
         Path,
         typer.Argument(
@@ -110,10 +97,11 @@ def cast_command(
     ] = "",
     tnear: Annotated[float, typer.Option(help="Hits lie beyond this t.")] = 0.0,
     tfar: Annotated[float, typer.Option(help="Hits lie up to this t.")] = float("inf"),
-    prim: PrimOption = None,
-    isolation_level: LevelOption = None,
-    threads: ThreadsOption = 0,
-    as_json: JsonOption = False,
+    prim: options.PrimOption = None,
+    isolation_level: options.LevelOption = None,
+    tolerance: options.ToleranceOption = None,
+    threads: options.ThreadsOption = 0,
+    as_json: options.JsonOption = False,
 ) -> None:
     """Shoots the rays of RAYS.npy at MODEL and writes the closest hits.
 
@@ -128,10 +116,13 @@ def cast_command(
         limitray cast spot.obj rays.npy -o hits.npz --attributes points,dp_du,dp_dv
     """
     names = _parse_attributes(attributes)
-    check_suffix(output, (".npz",))
+    options.check_level(isolation_level, tolerance)
+    options.check_suffix(output, (".npz",))
     cli_output.check_writable(output)
     array = _load_rays(rays)
-    scene = load_model(model, prim, None, isolation_level, threads)
+    scene = load_model(
+        model, prim, isolation_level=isolation_level, tolerance=tolerance, threads=threads
+    )
 
     start = time.perf_counter()
     count = array.size // 6
@@ -149,7 +140,7 @@ def _parse_attributes(text: str) -> tuple[str, ...]:
     """Names of attributes; those of primvars are checked against the scene later."""
     names = tuple(dict.fromkeys(name for name in text.split(",") if name))
     plain = ",".join(name for name in names if not name.startswith(PRIMVAR_PREFIX))
-    parse_names("--attributes", plain, ATTRIBUTES)
+    options.parse_names("--attributes", plain, ATTRIBUTES)
     return names
 
 

@@ -24,12 +24,25 @@ LevelOption = Annotated[
         min=1,
         max=10,
         help="How deep irregular features are isolated: deeper is closer to the true limit "
-        "surface at extraordinary vertices, and takes more patches. Chosen for an error of "
-        "1e-5 of the size unless given.",
+        "surface at extraordinary vertices, and takes more patches. Chosen by --tolerance "
+        "unless given.",
     ),
 ]
-ThreadsOption = Annotated[int, typer.Option(min=0, help="Threads; 0 takes all cores.")]
+ToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        help="How far the surface may be from the true limit, relative to the longest side of the "
+        "box around the cage; chooses the isolation level. [default: 1e-5]"
+    ),
+]
+ThreadsOption = Annotated[int, typer.Option(min=0, max=4096, help="Threads; 0 takes all cores.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print facts as JSON to stdout.")]
+
+
+def check_level(isolation_level: int | None, tolerance: float | None) -> None:
+    """Raises BadParameter if both are given: one chooses the other."""
+    if isolation_level is not None and tolerance is not None:
+        raise typer.BadParameter("exclude each other", param_hint="--isolation-level, --tolerance")
 
 
 def parse_vector(text: str) -> Vector:

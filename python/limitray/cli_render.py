@@ -16,6 +16,8 @@ from limitray.cli_options import (
     ModelArgument,
     PrimOption,
     ThreadsOption,
+    ToleranceOption,
+    check_level,
     check_suffix,
     parse_names,
     parse_size,
@@ -30,6 +32,8 @@ from limitray.shading import INTEGRATORS
 from limitray.sky import ConstantSky, ImageSky
 from limitray.texture import SUFFIXES, Texture
 
+MAX_DEPTH = 6
+
 
 def render_command(
     model: ModelArgument,
@@ -43,7 +47,8 @@ def render_command(
     ] = None,
     fov: Annotated[float, typer.Option(help="Horizontal field of view, degrees.")] = 28.0,
     camera_path: Annotated[
-        str | None, typer.Option("--camera", metavar="PATH", help="Camera of a USD stage.")
+        str | None,
+        typer.Option("--camera", metavar="PATH", help="Camera of a USD stage, its gate fitted."),
     ] = None,
     prim: PrimOption = None,
     time_code: Annotated[
@@ -77,7 +82,7 @@ def render_command(
     sun: Annotated[Any, vector_option("path: direction towards a sun.")] = None,
     max_depth: Annotated[
         int, typer.Option(min=1, help="path: surfaces between a light and the camera.")
-    ] = 6,
+    ] = MAX_DEPTH,
     denoise: Annotated[
         bool, typer.Option("--denoise", help="path: remove noise (needs limitray[denoise]).")
     ] = False,
@@ -86,6 +91,7 @@ def render_command(
     ] = None,
     metallic: Annotated[float, typer.Option(help="path: 0 dielectric, 1 metal.")] = 0.0,
     isolation_level: LevelOption = None,
+    tolerance: ToleranceOption = None,
     threads: ThreadsOption = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     stats: Annotated[bool, typer.Option("--stats", help="Print rates and counters.")] = False,
@@ -114,10 +120,18 @@ def render_command(
     layers = parse_names("--aov", aov, AOVS)
     parse_names("--integrator", integrator, INTEGRATORS)
     check_suffix(output, FORMATS)
-    if integrator != "path" and (sky or sun or denoise or roughness or metallic):
-        raise typer.BadParameter(
-            "need --integrator path", param_hint="--sky, --sun, --denoise, --roughness, --metallic"
-        )
+    check_level(isolation_level, tolerance)
+    for_path = {
+        "--sky": sky is not None,
+        "--sun": sun is not None,
+        "--max-depth": max_depth != MAX_DEPTH,
+        "--denoise": denoise,
+        "--roughness": roughness is not None,
+        "--metallic": bool(metallic),
+    }
+    given = [name for name, is_given in for_path.items() if is_given]
+    if integrator != "path" and given:
+        raise typer.BadParameter("for --integrator path alone", param_hint=", ".join(given))
     lighting = _lighting(sky, sun, max_depth, denoise) if integrator == "path" else {}
     if layers and output.suffix.lower() != ".exr":
         raise typer.BadParameter("needs an output that ends in .exr", param_hint="--aov")
@@ -127,13 +141,14 @@ def render_command(
         raise typer.BadParameter("exclude each other", param_hint="--eye and --camera")
     cli_output.check_writable(output)
 
-    scene = load_model(model, prim, time_code, isolation_level, threads)
+    scene = load_model(model, prim, time_code, isolation_level, tolerance, threads)
     if texture is not None:
         set_texture(scene, Texture.from_file(texture))
     if roughness is not None or metallic:
         set_finish(scene, roughness, metallic)
     width, height = size
-    up = up or (scene.stage.up if scene.stage else (0.0, 1.0, 0.0))
+    if eye is not None and up is None:
+        up = scene.stage.up if scene.stage else (0.0, 1.0, 0.0)
     camera = Camera(eye, center, up, fov) if eye is not None else stage_camera(scene, camera_path)
     camera = camera or Camera.frame(scene, width / height, up=up, fov_deg=fov)
     scene.reset_statistics()

@@ -56,7 +56,7 @@ class Frame:
         x = (pixels % self.width + offset[0]).astype(np.float64)
         y = (pixels // self.width + offset[1]).astype(np.float64)
         right, up, ahead = (column(axis) for axis in self.camera.axes())
-        half = np.tan(np.radians(self.camera.fov_deg) / 2)
+        half = self.camera.half_width(self.width, self.height)
         across = ((2 / self.width * half) * x - half).astype(np.float32)
         upward = half * self.height / self.width - (2 / self.width * half) * y
         directions = across * right + upward.astype(np.float32) * up + ahead

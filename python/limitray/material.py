@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from limitray._arrays import finite_vector
 from limitray.texture import Texture
 
 if TYPE_CHECKING:
@@ -18,6 +19,9 @@ Array = NDArray[np.float64]
 
 CLAY = (0.70, 0.61, 0.535)
 """Linear base colour of surfaces without a material."""
+
+RANGES = {"roughness": (0.05, 1.0), "metallic": (0.0, 1.0), "ior": (1.0, 4.0)}
+"""Lowest and highest value of a material's numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +47,16 @@ class Material:
         0 (dielectric) to 1 (metal, with the base colour as its reflectance).
     ior : float
         Index of refraction of the dielectric, 1 to 4.
+    roughness_texture, metallic_texture : Texture, optional
+        Images whose red channel gives the number in place of the constant, brought into its range;
+        `Texture.adjusted` takes another channel. Looked up at `texture_primvar`; where a mesh lacks
+        it, the constants count.
 
     Raises
     ------
     ValueError
-        A number is out of its range.
+        An argument has a wrong type, a number is out of its range, or there is a texture of the
+        finish and no roughness.
     """
 
     base_color: tuple[float, float, float] = CLAY
@@ -57,17 +66,30 @@ class Material:
     roughness: float | None = None
     metallic: float = 0.0
     ior: float = 1.5
+    roughness_texture: Texture | None = None
+    metallic_texture: Texture | None = None
 
     def __post_init__(self) -> None:
-        for name, low, high in (("roughness", 0.05, 1), ("metallic", 0, 1), ("ior", 1, 4)):
+        finite_vector("base_color", self.base_color)
+        for name in ("texture", "roughness_texture", "metallic_texture"):
             value = getattr(self, name)
-            if value is not None and not low <= value <= high:
-                raise ValueError(f"{name} must be {low} to {high}, not {value}")
+            if value is not None and not isinstance(value, Texture):
+                raise ValueError(f"{name} must be a limitray.Texture, not {value!r}")
+        for name, (low, high) in RANGES.items():
+            value = getattr(self, name)
+            if value is None and name == "roughness":
+                continue
+            if not isinstance(value, int | float | np.number) or not low <= value <= high:
+                raise ValueError(f"{name} must be {low:g} to {high:g}, not {value}")
+        for name in ("roughness_texture", "metallic_texture"):
+            if getattr(self, name) is not None and self.roughness is None:
+                raise ValueError(f"{name} needs a roughness, got none")
 
     @property
     def is_plain(self) -> bool:
-        """Whether the base colour is the same everywhere."""
-        return self.texture is None and self.color_primvar is None
+        """Whether the material is the same everywhere."""
+        varying = (self.texture, self.color_primvar, self.roughness_texture, self.metallic_texture)
+        return all(source is None for source in varying)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,15 +182,54 @@ def finish(
         if material.roughness is not None:
             roughness[here], metallic[here] = material.roughness, material.metallic
             reflectance[here] = ((material.ior - 1) / (material.ior + 1)) ** 2
+        colors[here] = material.base_color
         if material.is_plain:
-            colors[here] = material.base_color
             continue
         part = {name: np.take(values, here, axis=0) for name, values in hits.items()}
-        footprint = None
-        if rays is not None and material.texture is not None:
-            footprint = Footprint.of_rays(part, *(values[here] for values in rays))
-        colors[here] = _colors(scene, material, part, footprint)
+        turned = None if rays is None else tuple(values[here] for values in rays)
+        lookup = _Lookup.of(scene, material, part, turned)
+        if material.texture is not None:
+            colors[here] = lookup.sample(material.texture, colors[here])
+        elif material.color_primvar is not None:
+            values = _primvar(scene, material.color_primvar, part, 3)[0]
+            colors[here] = np.where(np.isfinite(values), values, colors[here])
+        for texture, numbers, (low, high) in (
+            (material.roughness_texture, roughness, RANGES["roughness"]),
+            (material.metallic_texture, metallic, RANGES["metallic"]),
+        ):
+            if texture is not None:
+                constant = numbers[here, np.newaxis].astype(np.float64)
+                numbers[here] = np.clip(lookup.sample(texture, constant)[:, 0], low, high)
     return Finish(colors, roughness, metallic, reflectance)
+
+
+@dataclass(frozen=True)
+class _Lookup:
+    """Texture coordinates (n, 2) of hits, NaN where there are none, and their two differences."""
+
+    st: Array
+    spread: tuple[Any, Any]
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        material: Material,
+        hits: dict[str, NDArray[Any]],
+        rays: tuple[Array, ...] | None,
+    ) -> _Lookup:
+        """Where the textures of a material are looked up; `rays` as for `finish`."""
+        st, d_du, d_dv = _primvar(scene, material.texture_primvar, hits, 2)
+        if rays is None:
+            return cls(st, (0.0, 0.0))
+        footprint = Footprint.of_rays(hits, *rays)
+        a, b = (d_du * d[:, :1] + d_dv * d[:, 1:] for d in footprint.parameters(hits))
+        return cls(st, (np.nan_to_num(a), np.nan_to_num(b)))
+
+    def sample(self, texture: Texture, otherwise: Array) -> Array:
+        """Colours (n, 3) of a texture, and `otherwise` where there are no coordinates."""
+        found = texture.sample(np.nan_to_num(self.st), *self.spread)
+        return np.where(np.isfinite(self.st).all(axis=1, keepdims=True), found, otherwise)
 
 
 def _materials(
@@ -182,23 +243,6 @@ def _materials(
         of_face = material_set.faces[hits["primitive_ids"][rows]]
         for index in np.flatnonzero(np.bincount(of_face)):
             yield material_set.materials[index], rows[of_face == index]
-
-
-def _colors(
-    scene: Scene, material: Material, hits: dict[str, NDArray[Any]], footprint: Footprint | None
-) -> Array:
-    colours = np.broadcast_to(material.base_color, (len(hits["t_hit"]), 3))
-    if material.texture is not None:
-        st, d_du, d_dv = _primvar(scene, material.texture_primvar, hits, 2)
-        spread: list[Any] = [0.0, 0.0]
-        if footprint is not None:
-            spread = [d_du * d[:, :1] + d_dv * d[:, 1:] for d in footprint.parameters(hits)]
-        found = material.texture.sample(np.nan_to_num(st), *np.nan_to_num(spread))
-        return np.where(np.isfinite(st).all(axis=1, keepdims=True), found, colours)
-    if material.color_primvar is not None:
-        values = _primvar(scene, material.color_primvar, hits, 3)[0]
-        return np.where(np.isfinite(values), values, colours)
-    return np.asarray(colours)
 
 
 def _primvar(

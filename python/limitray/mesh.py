@@ -133,18 +133,28 @@ class Mesh:
         cage.points = real_array("points", points, (None, 3))
         cage.face_vertex_counts = index_array("face_vertex_counts", face_vertex_counts)
         cage.face_vertex_indices = index_array("face_vertex_indices", face_vertex_indices)
-        cage.interpolate_boundary = interpolate_boundary
-        cage.face_varying_linear_interpolation = face_varying_linear_interpolation
-        cage.triangle_subdivision_rule = triangle_subdivision_rule
+        rules = {
+            "interpolate_boundary": interpolate_boundary,
+            "face_varying_linear_interpolation": face_varying_linear_interpolation,
+            "triangle_subdivision_rule": triangle_subdivision_rule,
+            "orientation": orientation,
+            "creasing_method": creasing_method,
+        }
+        for name, rule in rules.items():
+            if not isinstance(rule, str):
+                raise ValueError(f"{name} must be a str, not {rule!r}")
+            setattr(cage, name, rule)
         cage.crease_indices = index_array("crease_indices", crease_indices)
         cage.crease_lengths = index_array("crease_lengths", crease_lengths)
         cage.crease_sharpnesses = _sharpnesses("crease_sharpnesses", crease_sharpnesses)
         cage.corner_indices = index_array("corner_indices", corner_indices)
         cage.corner_sharpnesses = _sharpnesses("corner_sharpnesses", corner_sharpnesses)
         cage.hole_indices = index_array("hole_indices", hole_indices)
-        cage.orientation = orientation
-        cage.creasing_method = creasing_method
+        if primvars is not None and not isinstance(primvars, Mapping):
+            raise ValueError(f"primvars must map names to primvars, not {primvars!r}")
         for name, primvar in (primvars or {}).items():
+            if not isinstance(name, str):
+                raise ValueError(f"primvars must have names, not {name!r}")
             _add_primvar(cage, name, primvar)
         self._adopt(cage)
 

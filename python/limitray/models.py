@@ -19,6 +19,7 @@ def load_model(
     prim: str | None = None,
     time: float | None = None,
     isolation_level: int | None = None,
+    tolerance: float | None = None,
     threads: int = 0,
 ) -> Scene:
     """The scene of an OBJ file, of a whole USD stage, or of one mesh (`prim`) of it.
@@ -29,12 +30,14 @@ def load_model(
     if time is not None and not (is_usd and prim is None):
         raise ValueError("--time is for whole USD stages")
     if is_usd and prim is None:
-        scene = load_scene(path, time, isolation_level=isolation_level, threads=threads)
+        scene = load_scene(
+            path, time, isolation_level=isolation_level, tolerance=tolerance, threads=threads
+        )
         for note in scene.stage.notes if scene.stage else ():
             print(f"limitray: {note}", file=sys.stderr)
         return scene
     scene = Scene(threads=threads)
-    scene.add_mesh(Mesh.from_file(path, prim), isolation_level)
+    scene.add_mesh(Mesh.from_file(path, prim), isolation_level, tolerance=tolerance)
     return scene
 
 
@@ -59,7 +62,16 @@ def set_finish(scene: Scene, roughness: float | None, metallic: float) -> None:
         raise ValueError("--metallic needs --roughness")
     for geometry_id in range(scene.geometry_count()):
         ((group, _),) = scene.material_sets([geometry_id])
-        materials = [replace(m, roughness=roughness, metallic=metallic) for m in group.materials]
+        materials = [
+            replace(
+                material,
+                roughness=roughness,
+                metallic=metallic,
+                roughness_texture=None,
+                metallic_texture=None,
+            )
+            for material in group.materials
+        ]
         scene.set_material(geometry_id, materials, group.faces)
 
 
@@ -70,7 +82,9 @@ def stage_camera(scene: Scene, path: str | None) -> Camera | None:
     """
     if path is None:
         return None
-    cameras = scene.stage.cameras if scene.stage else {}
+    if scene.stage is None:
+        raise ValueError("--camera is for whole USD stages")
+    cameras = scene.stage.cameras
     if path not in cameras:
         raise ValueError(f"--camera: there is no camera {path}; found: {', '.join(cameras) or '-'}")
     return cameras[path]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from limitray._arrays import one_of, positive_int
+from limitray._arrays import name_list, one_of, positive_int
 from limitray.camera import Camera
 from limitray.denoise import denoised, load_denoiser
 from limitray.frame import Frame, Tile, TileJob, run_jobs
@@ -102,7 +102,16 @@ def render(
     positive_int("width", width), positive_int("height", height), positive_int("spp", spp)
     positive_int("seed", seed, minimum=0), positive_int("max_depth", max_depth)
     one_of("integrator", integrator, INTEGRATORS)
-    for name in aovs:
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene must be a limitray.Scene, not {scene!r}")
+    if camera is not None and not isinstance(camera, Camera):
+        raise ValueError(f"camera must be a limitray.Camera, not {camera!r}")
+    for light in lights:
+        if not isinstance(light, Sun | RectangleLight):
+            raise ValueError(f"lights must hold Sun and RectangleLight, not {light!r}")
+    if sky is not None and not isinstance(sky, Sky):
+        raise ValueError(f"sky must be a ConstantSky, GradientSky or ImageSky, not {sky!r}")
+    for name in name_list("aovs", aovs):
         one_of("aovs", name, AOVS)
     if integrator != "path" and (sky is not None or lights or denoise):
         raise ValueError(f'sky, lights and denoise are for the integrator "path", not {integrator}')

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from limitray import _core
 from limitray._arrays import (
+    id_array,
     index_array,
+    name_list,
     one_of,
     positive_int,
     positive_number,
     real_array,
-    to_array,
     transform_matrix,
 )
 from limitray._rays import flat_rays, ray_limits
@@ -32,6 +33,7 @@ INVALID_ID = 0xFFFFFFFF
 """Id reported for a miss."""
 
 DEFAULT_TOLERANCE = 1e-5
+MAX_THREADS = 4096
 DEVICES = ("cpu", "gpu", *BACKENDS)
 HIT_KEYS = (
     "t_hit",
@@ -47,6 +49,19 @@ PRIMVAR_PLACES = ("geometry_ids", "primitive_ids", "sub_quads", "primitive_uvs")
 Progress = Callable[[int], None]
 
 
+def precision(isolation_level: int | None, tolerance: float | None) -> tuple[int, float]:
+    """Isolation level (0: chosen by the tolerance) and tolerance of `Scene.add_mesh`.
+
+    Raises ValueError if one of them is out of its range.
+    """
+    if isolation_level is not None and positive_int("isolation_level", isolation_level) > 10:
+        raise ValueError(f"isolation_level must be 1 to 10, not {isolation_level}")
+    return (
+        0 if isolation_level is None else int(isolation_level),
+        DEFAULT_TOLERANCE if tolerance is None else positive_number("tolerance", tolerance),
+    )
+
+
 class Scene:
     """Subdivision surfaces and the rays shot at them.
 
@@ -59,7 +74,7 @@ class Scene:
         the extra `limitray[gpu]` and answer float32 rays only, of cast_rays and test_occlusions;
         what is answered in double (count_intersections, list_intersections) is traced on the CPU.
     threads : int
-        Threads of the tracer; 0 takes all cores. The answers do not depend on it.
+        Threads of the tracer, up to 4096; 0 takes all cores. The answers do not depend on it.
 
     Examples
     --------
@@ -76,6 +91,8 @@ class Scene:
     def __init__(self, device: str = "cpu", threads: int = 0) -> None:
         one_of("device", device, DEVICES)
         self.threads = positive_int("threads", threads, minimum=0)
+        if threads > MAX_THREADS:
+            raise ValueError(f"threads must be 0 to {MAX_THREADS}, not {threads}")
         """Threads of the tracer; 0 stands for all cores."""
         self._scene: _core.Scene | GpuScene
         if device == "cpu":
@@ -85,6 +102,7 @@ class Scene:
         self._turn = nullcontext() if device == "cpu" else Lock()  # a GPU takes one call at a time
         self._material_sets: list[MaterialSet] = [MaterialSet()]
         self._material_set_of: list[int] = []
+        self._face_counts: list[int] = []
         self._primvar_names: dict[str, None] = {}
         self.stage: Stage | None = None
         """What the USD stage says that the scene was loaded from."""
@@ -130,16 +148,16 @@ class Scene:
         """
         if not isinstance(mesh, Mesh):
             raise ValueError(f"mesh must be a limitray.Mesh, not {type(mesh).__name__}")
-        if isolation_level is not None and positive_int("isolation_level", isolation_level) > 10:
-            raise ValueError(f"isolation_level must be 1 to 10, not {isolation_level}")
+        level, tolerance = precision(isolation_level, tolerance)
         added = self._scene.add_mesh(
             mesh._cage,
-            0 if isolation_level is None else int(isolation_level),
+            level,
             transform_matrix(transform),
-            DEFAULT_TOLERANCE if tolerance is None else positive_number("tolerance", tolerance),
-            0 if memory_limit is None else positive_int("memory_limit", memory_limit),
+            tolerance,
+            0 if memory_limit is None else min(positive_int("memory_limit", memory_limit), 2**63),
         )
         self._material_set_of.append(0)
+        self._face_counts.append(len(mesh.face_vertex_counts))
         self._primvar_names |= dict.fromkeys(mesh.primvars)
         return added
 
@@ -152,6 +170,7 @@ class Scene:
         source = self._known(geometry_id)
         added = self._scene.add_instance(source, transform_matrix(transform))
         self._material_set_of.append(self._material_set_of[source])
+        self._face_counts.append(self._face_counts[source])
         return added
 
     def set_material(
@@ -174,13 +193,22 @@ class Scene:
         Raises
         ------
         ValueError
-            The id is unknown, or an index out of range.
+            The id is unknown, `material` holds something else, or `faces` has another length than
+            the mesh has faces, or an index out of range.
         """
         target = self._known(geometry_id)
         materials = (material,) if isinstance(material, Material) else tuple(material)
         indices = None if faces is None else index_array("faces", faces).astype(np.intp)
         if not materials:
             raise ValueError("material must not be empty")
+        for one in materials:
+            if not isinstance(one, Material):
+                raise ValueError(f"material must hold limitray.Material, not {one!r}")
+        if indices is not None and len(indices) != self._face_counts[target]:
+            raise ValueError(
+                f"faces must have one index for each of the {self._face_counts[target]} faces, "
+                f"not {len(indices)}"
+            )
         if indices is not None and not ((indices >= 0) & (indices < len(materials))).all():
             raise ValueError(f"faces must be indices into the {len(materials)} materials")
         self._material_set_of[target] = len(self._material_sets)
@@ -243,11 +271,11 @@ class Scene:
             No mesh has the primvar, or a place is out of range.
         """
         geometries, faces, quads = (
-            np.ascontiguousarray(to_array(key, values).astype(np.uint32))
+            id_array(key, values)
             for key, values in zip(PRIMVAR_PLACES, (geometry_ids, primitive_ids, sub_quads))
         )
         uvs = real_array("primitive_uvs", primitive_uvs, (None, 2))
-        if self.primvar_width(name) == 0:
+        if name not in self._primvar_names:
             raise ValueError(f'primvar "{name}": no mesh has it')
         return self._scene.evaluate_primvar(name, geometries, faces, quads, uvs)
 
@@ -301,12 +329,11 @@ class Scene:
         Raises
         ------
         ValueError
-            An argument has a wrong dtype, shape, name or value.
+            An argument has a wrong dtype, shape, name or value, or is a masked array.
         """
-        if isinstance(attributes, str):
-            raise ValueError(f'attributes must be a sequence of names, such as ("{attributes}",)')
-        primvars = [name for name in attributes if name.startswith(PRIMVAR_PREFIX)]
-        plain = [name for name in attributes if not name.startswith(PRIMVAR_PREFIX)]
+        wanted_names = name_list("attributes", attributes)
+        primvars = [name for name in wanted_names if name.startswith(PRIMVAR_PREFIX)]
+        plain = [name for name in wanted_names if not name.startswith(PRIMVAR_PREFIX)]
         for name in plain:
             one_of("attributes", name, HIT_KEYS + ATTRIBUTES)
         for name in primvars:
@@ -317,7 +344,7 @@ class Scene:
         limits = ray_limits(tnear, tfar, shape, flat.dtype)
         wanted = [*names, "sub_quads"] if primvars and "sub_quads" not in names else names
         with self._turn:
-            cast = self._scene.cast_rays(flat, *limits, wanted, progress)
+            cast = self._scene.cast_rays(flat, *limits, wanted, _callback(progress))
         hits = {name: cast[name] for name in names}
         for name in primvars:
             values = self.evaluate_primvar(
@@ -338,7 +365,7 @@ class Scene:
         flat, shape = flat_rays(rays)
         limits = ray_limits(tnear, tfar, shape, flat.dtype)
         with self._turn:
-            return self._scene.test_occlusions(flat, *limits, progress).reshape(shape)
+            return self._scene.test_occlusions(flat, *limits, _callback(progress)).reshape(shape)
 
     def count_intersections(
         self,
@@ -351,7 +378,7 @@ class Scene:
         flat, shape = flat_rays(rays)
         near, far = ray_limits(tnear, tfar, shape, np.dtype(np.float64))
         counts = self._scene.count_intersections(
-            flat.astype(np.float64, copy=False), near, far, progress
+            flat.astype(np.float64, copy=False), near, far, _callback(progress)
         )
         return counts.reshape(shape)
 
@@ -376,7 +403,7 @@ class Scene:
         flat, shape = flat_rays(rays)
         near, far = ray_limits(tnear, tfar, shape, np.dtype(np.float64))
         found = self._scene.list_intersections(
-            flat.astype(np.float64, copy=False), near, far, progress
+            flat.astype(np.float64, copy=False), near, far, _callback(progress)
         )
         splits = found.pop("ray_splits").astype(np.int64)
         ids = np.repeat(np.arange(len(flat)), np.diff(splits))
@@ -439,3 +466,9 @@ class Scene:
                 f"geometry_id must be below {self.geometry_count()}, not {geometry_id}"
             )
         return int(geometry_id)
+
+
+def _callback(progress: Progress | None) -> Progress | None:
+    if progress is not None and not callable(progress):
+        raise ValueError(f"progress must be callable, not {progress!r}")
+    return progress

@@ -12,6 +12,8 @@ import io
 import os
 import re
 import tempfile
+from copy import copy
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from limitray import _core
-from limitray._arrays import one_of, real_array
+from limitray._arrays import finite_vector, one_of, real_array, to_array
 from limitray.image import srgb_to_linear
 
 Wrap = Literal["repeat", "mirror", "clamp", "black"]
@@ -31,6 +33,36 @@ COLOR_SPACES = ("auto", "sRGB", "raw")
 SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
 
 _UDIM = "<UDIM>"
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """How a texture is laid and coloured; see `Texture.adjusted`."""
+
+    transform: Array = field(default_factory=lambda: np.eye(2, 3))
+    scale: Array = field(default_factory=lambda: np.ones(3))
+    bias: Array = field(default_factory=lambda: np.zeros(3))
+    channel: int | None = None
+
+    @classmethod
+    def checked(
+        cls, transform: ArrayLike, scale: ArrayLike, bias: ArrayLike, channel: int | None
+    ) -> Adjustment:
+        """The same from arguments; raises ValueError."""
+        if channel is not None and channel not in (0, 1, 2):
+            raise ValueError(f"channel must be 0, 1, 2 or None, not {channel!r}")
+        matrix = real_array("transform", transform, (2, 3))
+        if not np.isfinite(matrix).all():
+            raise ValueError(f"transform must be finite, not {matrix.tolist()}")
+        return cls(matrix, _three("scale", scale), _three("bias", bias), channel)
+
+    def recolored(self, colors: Array) -> Array:
+        """Colours (n, 3) with channel, scale and bias applied."""
+        if self.channel is not None:
+            colors = np.repeat(colors[:, self.channel, np.newaxis], 3, axis=1)
+        if (self.scale == 1).all() and not self.bias.any():
+            return colors
+        return np.asarray(colors * self.scale + self.bias)
 
 
 class Texture:
@@ -56,6 +88,7 @@ class Texture:
         self._tiles = {(0, 0): _mip_map(values)}
         self._udim = False
         self._set_wraps(wrap_s, wrap_t)
+        self._adjustment = Adjustment()
 
     def _set_wraps(self, wrap_s: str, wrap_t: str) -> None:
         self._wraps = (one_of("wrap_s", wrap_s, WRAPS), one_of("wrap_t", wrap_t, WRAPS))
@@ -110,6 +143,7 @@ class Texture:
         }
         texture._udim = True
         texture._set_wraps("clamp", "clamp")
+        texture._adjustment = Adjustment()
         return texture
 
     @classmethod
@@ -123,6 +157,34 @@ class Texture:
     ) -> Texture:
         """The same from the content of a file; `name` gives its format and stands in errors."""
         return cls(_decode(data, name, color_space), wrap_s, wrap_t)
+
+    def adjusted(
+        self,
+        transform: ArrayLike = ((1, 0, 0), (0, 1, 0)),
+        scale: ArrayLike = 1.0,
+        bias: ArrayLike = 0.0,
+        channel: int | None = None,
+    ) -> Texture:
+        """The same image, laid and coloured in another way; it shares the memory of this one.
+
+        Parameters
+        ----------
+        transform : array (2, 3)
+            An affine map that is applied to texture coordinates first, on column vectors
+            (s, t, 1). It takes the place of the one that this texture has, as do the others.
+        scale, bias : float or array (3,)
+            What the linear colours are multiplied by, and what is added then.
+        channel : {0, 1, 2}, optional
+            Red, green or blue, to be taken for all three, before scale and bias.
+
+        Raises
+        ------
+        ValueError
+            An argument has a wrong shape or value, or is not finite.
+        """
+        texture = copy(self)
+        texture._adjustment = Adjustment.checked(transform, scale, bias, channel)
+        return texture
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -141,8 +203,15 @@ class Texture:
         `d_dx` and `d_dy` are the differences of (s, t) to the neighbouring pixels, (n, 2) or (2,);
         without them the finest level is taken.
         """
-        places = real_array("st", st, (None, 2))
-        x, y = _differences("d_dx", d_dx), _differences("d_dy", d_dy)
+        turned = self._adjustment.transform
+        places = real_array("st", st, (None, 2)) @ turned[:, :2].T + turned[:, 2]
+        x, y = (
+            _differences(name, d) @ turned[:, :2].T for name, d in (("d_dx", d_dx), ("d_dy", d_dy))
+        )
+        return self._adjustment.recolored(self._stored(places, x, y))
+
+    def _stored(self, places: Array, x: Array, y: Array) -> Array:
+        """Colours as they are stored, at coordinates with their differences."""
         if not self._udim:
             return self._tiles[0, 0].sample(places, x, y, *self._wraps)
         colours = np.zeros((len(places), 3))
@@ -152,6 +221,12 @@ class Texture:
             here_x, here_y = (d[rows] if len(d) > 1 else d for d in (x, y))
             colours[rows] = image.sample(places[rows] - tile, here_x, here_y, *self._wraps)
         return colours
+
+
+def _three(name: str, values: ArrayLike) -> Array:
+    """A finite number for each colour; one number stands for all."""
+    array = to_array(name, values)
+    return finite_vector(name, np.repeat(array, 3) if array.ndim == 0 else array)
 
 
 def _mip_map(image: NDArray[np.float32]) -> _core.MipMap:

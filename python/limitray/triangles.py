@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from limitray._arrays import positive_int
 from limitray.mesh import Mesh
 
+MOST_TRIANGLES = 2**31 - 1
+
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
@@ -55,13 +57,16 @@ def to_triangles(mesh: Mesh, rate: int) -> Triangles:
     Raises
     ------
     ValueError
-        `rate` is not such a number, or the surface is empty.
+        `rate` is not such a number, or makes more than 2^31 - 1 triangles, or the surface is empty.
     """
     positive_int("rate", rate)
     faces = np.flatnonzero(~_absent(mesh))
     counts = mesh.face_vertex_counts[faces]
     if rate % 2 and (counts != 4).any():
         raise ValueError(f"rate must be even for faces that are no quads, not {rate}")
+    total = int(np.where(counts == 4, 4, counts).sum()) * int(rate) ** 2 // 2
+    if total > MOST_TRIANGLES:
+        raise ValueError(f"rate {rate} makes {total:,} triangles, more than {MOST_TRIANGLES:,}")
     if not len(faces):
         raise ValueError("the mesh has no surface, so it has no triangles")
     grids = [_Grids.of(mesh, faces[counts == 4], 1, rate)]

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
@@ -32,6 +33,14 @@ inline std::vector<std::filesystem::path> cage_files() { return obj_files(LIMITR
 inline std::vector<std::filesystem::path> model_files() {
   const char* folder = std::getenv("LIMITRAY_MODELS");
   return obj_files(folder ? folder : LIMITRAY_SHARED_MODELS);
+}
+
+/// The committed cages, and the models of fewer than `bytes` bytes.
+inline std::vector<std::filesystem::path> small_files(std::uintmax_t bytes) {
+  std::vector<std::filesystem::path> files = cage_files();
+  for (const auto& model : model_files())
+    if (std::filesystem::file_size(model) < bytes) files.push_back(model);
+  return files;
 }
 
 /// Name of a file as a test parameter: letters, digits and underscores.

@@ -41,12 +41,12 @@ inline Sdc::Options sdc_options(const ControlCage& cage) {
                                      Sdc::Options::VTX_BOUNDARY_EDGE_ONLY,
                                      Sdc::Options::VTX_BOUNDARY_EDGE_AND_CORNER};
   options.SetVtxBoundaryInterpolation(boundaries[static_cast<int>(cage.interpolate_boundary)]);
-  options.SetCreasingMethod(cage.creasing_method == CreasingMethod::chaikin
-                                ? Sdc::Options::CREASE_CHAIKIN
-                                : Sdc::Options::CREASE_UNIFORM);
-  options.SetTriangleSubdivision(cage.triangle_subdivision_rule == TriangleSubdivisionRule::smooth
-                                     ? Sdc::Options::TRI_SUB_SMOOTH
-                                     : Sdc::Options::TRI_SUB_CATMARK);
+  constexpr Sdc::Options::CreasingMethod methods[] = {Sdc::Options::CREASE_UNIFORM,
+                                                      Sdc::Options::CREASE_CHAIKIN};
+  options.SetCreasingMethod(methods[static_cast<int>(cage.creasing_method)]);
+  constexpr Sdc::Options::TriangleSubdivision rules[] = {Sdc::Options::TRI_SUB_CATMARK,
+                                                         Sdc::Options::TRI_SUB_SMOOTH};
+  options.SetTriangleSubdivision(rules[static_cast<int>(cage.triangle_subdivision_rule)]);
   return options;
 }
 

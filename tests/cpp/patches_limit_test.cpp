@@ -75,14 +75,6 @@ Errors errors_against_limit(const ControlCage& cage, int level, int samples) {
   return errors;
 }
 
-std::vector<std::filesystem::path> small_files() {
-  std::vector<std::filesystem::path> files = test::cage_files();
-  const std::vector<std::filesystem::path> models = test::model_files();
-  std::copy_if(models.begin(), models.end(), std::back_inserter(files),
-               [](const auto& file) { return std::filesystem::file_size(file) < 60'000; });
-  return files;
-}
-
 class LimitOfPatches : public testing::TestWithParam<std::filesystem::path> {};
 
 TEST_P(LimitOfPatches, BezierPatchesAreTheLimitSurface) {
@@ -128,7 +120,8 @@ TEST_P(LimitOfPatches, BezierPatchesMeetOpenSubdivsLimitAtRefinedVertices) {
 std::string case_name(const testing::TestParamInfo<std::filesystem::path>& parameter) {
   return test::test_name(parameter.param) + "_" + std::to_string(parameter.index);
 }
-INSTANTIATE_TEST_SUITE_P(Files, LimitOfPatches, testing::ValuesIn(small_files()), case_name);
+INSTANTIATE_TEST_SUITE_P(Files, LimitOfPatches, testing::ValuesIn(test::small_files(60'000)),
+                         case_name);
 
 // Semi-sharp creases by themselves: a crease through a sheet is nothing but crease pieces.
 class SemiSharpCrease : public testing::TestWithParam<float> {};

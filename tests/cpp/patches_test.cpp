@@ -163,14 +163,6 @@ void expect_no_gaps(const ControlCage& cage, int level) {
                                        << " (" << gap.place.u << ", " << gap.place.v << ")";
 }
 
-std::vector<std::filesystem::path> small_files() {
-  std::vector<std::filesystem::path> files = test::cage_files();
-  const std::vector<std::filesystem::path> models = test::model_files();
-  std::copy_if(models.begin(), models.end(), std::back_inserter(files),
-               [](const auto& file) { return std::filesystem::file_size(file) < 20'000; });
-  return files;
-}
-
 class PatchesOfCage : public testing::TestWithParam<std::filesystem::path> {};
 
 TEST_P(PatchesOfCage, CoverEachQuadOfEachPresentFaceOnce) {
@@ -234,7 +226,8 @@ TEST_P(PatchesOfCage, MeetWithoutGapsUnderAnyTags) {
 std::string case_name(const testing::TestParamInfo<std::filesystem::path>& parameter) {
   return test::test_name(parameter.param) + "_" + std::to_string(parameter.index);
 }
-INSTANTIATE_TEST_SUITE_P(Files, PatchesOfCage, testing::ValuesIn(small_files()), case_name);
+INSTANTIATE_TEST_SUITE_P(Files, PatchesOfCage, testing::ValuesIn(test::small_files(20'000)),
+                         case_name);
 
 TEST(Patches, GroupsOfFacesMeetWithoutGaps) {
   for (const CreasingMethod method : {CreasingMethod::uniform, CreasingMethod::chaikin}) {

@@ -3,11 +3,12 @@
 import json
 
 import pytest
-from shapes import REPOSITORY
+from shapes import REPOSITORY, assert_fails
 
 from limitray.cli import main
 
 TORUS = str(REPOSITORY / "tests/cages/torus.obj")
+STAGE = str(REPOSITORY / "tests/cages/usd/schemes.usda")
 SHORT = ["--rays", "3e3", "--rounds", "1", "--threads", "1", "--isolation-level", "2"]
 PEERS = ["embree-subdivision-4", "embree-triangles-4", "embree-triangles-8"]
 
@@ -44,6 +45,15 @@ def test_a_short_run(capsys, tmp_path):
         assert ours["per_ray"]["unresolved"] == 0
 
 
+def test_one_mesh_of_a_stage(tmp_path):
+    pytest.importorskip("pxr")
+    choice = ["--prim", "/CatmullClark", "--tracers", "embree-triangles-4"]
+    assert main(["bench", STAGE, *SHORT, *choice, "--json", "mesh.json"]) == 0
+    report = json.loads((tmp_path / "mesh.json").read_text())
+    assert report["model"] == STAGE
+    assert report["faces"] == 6
+
+
 def test_a_plot_is_written(tmp_path):
     pytest.importorskip("matplotlib")
     peers = ["--tracers", "embree-triangles-4"]
@@ -52,8 +62,10 @@ def test_a_plot_is_written(tmp_path):
 
 
 FAILURES = [
-    (["bench", "nothing.obj"], 1, "nothing.obj: "),
+    (["bench", "nothing.obj"], 1, "nothing.obj: No such file or directory"),
     (["bench", "bad.obj"], 1, "bad.obj:1: "),
+    (["bench", STAGE], 1, "prim must name one of 5 meshes: /CatmullClark, "),
+    (["bench", TORUS, "--prim", "/a"], 1, "prim must be None for an OBJ file, not '/a'"),
     (["bench", TORUS, "--rays", "many"], 2, '"many" is not a whole number from 1 to 1e9'),
     (["bench", TORUS, "--rays", "1.5"], 2, '"1.5" is not a whole number from 1 to 1e9'),
     (["bench", TORUS, "--tracers", "optix"], 2, '--tracers: unknown tracer "optix"'),
@@ -65,9 +77,4 @@ FAILURES = [
 @pytest.mark.parametrize(("arguments", "code", "message"), FAILURES)
 def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys, tmp_path):
     (tmp_path / "bad.obj").write_text("f 1 2 9\n")
-    assert main(arguments) == code
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("limitray: ")
-    assert printed.err.count("\n") == 1
-    assert message in printed.err
+    assert_fails(capsys, arguments, code, message)

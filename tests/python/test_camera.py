@@ -81,3 +81,45 @@ def test_framing_looks_down_from_the_elevation():
     assert camera.axes()[2] @ (0, 0, -1) == pytest.approx(np.sin(np.radians(35)))
     with pytest.raises(ValueError, match="elevation_deg must be between -90 and 90, not 90"):
         lr.Camera.frame(scene_of(cube()), elevation_deg=90)
+
+
+@pytest.mark.parametrize(("width", "height"), [(300, 200), (500, 200), (100, 300)])
+def test_a_gate_is_seen_whole_in_pictures_of_any_shape(width, height):
+    """The corner of the gate is in the picture, on its border in at least one direction."""
+    camera = lr.Camera((0, 0, 0), (0, 0, -1), fov_deg=90, aspect=1.5)
+    x, y = np.array([0.0, width]), np.array([height, 0.0])
+    rays = camera.rays(x, y, width, height)
+    right, top = rays[1, 3], rays[1, 4]
+    assert min(right / 1, top / (2 / 3)) == pytest.approx(1)
+    assert right / top == pytest.approx(width / height)
+    np.testing.assert_allclose(rays[0, 3:5], [-right, -top], atol=1e-12)
+
+
+def test_the_gate_reaches_the_renderer():
+    """A square that fills the gate of 3:2: three quarters of the width of a picture of 2:1."""
+    square = lr.Mesh([(-3, -2, 0), (3, -2, 0), (3, 2, 0), (-3, 2, 0)], [4], [0, 1, 2, 3],
+                     corner_indices=[0, 1, 2, 3], corner_sharpnesses=[np.inf] * 4)  # fmt: skip
+    camera = lr.Camera((0, 0, 3), (0, 0, 0), fov_deg=90, aspect=1.5)
+    seen = lr.render(scene_of(square), camera, 80, 40, 4, "facing").rgba[..., 3]
+    assert (seen[:, 10:70] == 1).all()
+    assert (seen[:, :10] == 0).all()
+    assert (seen[:, 70:] == 0).all()
+    with pytest.raises(ValueError, match="aspect must be a number above 0, not 0"):
+        lr.Camera((0, 0, 3), (0, 0, 0), aspect=0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"aspect": 0}, "aspect must be a number above 0, not 0"),
+        ({"fov_deg": np.nan}, "fov_deg must be above 0 and below 180, not nan"),
+        ({"margin": 0.5}, "margin must be at least 0 and below 0.5, not 0.5"),
+        ({"azimuth_deg": np.inf}, "azimuth_deg must be finite, not inf"),
+        ({"elevation_deg": np.nan}, "elevation_deg must be between -90 and 90, not nan"),
+        ({"up": (0, 0, 0)}, "up must not be 0"),
+        ({"up": (0, np.nan, 0)}, "up must be finite"),
+    ],
+)
+def test_wrong_arguments_of_frame_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        lr.Camera.frame(scene_of(cube()), **arguments)

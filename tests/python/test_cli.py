@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from shapes import REPOSITORY, cage, rays_towards, scene_of
+from shapes import REPOSITORY, assert_fails, cage, rays_towards, scene_of
 
 from limitray.cli import main
 
@@ -87,6 +87,29 @@ def test_info_prints_a_table_and_json(capsys):
     assert facts["extraordinary_vertices"] == 8
 
 
+def test_tolerance_chooses_the_level_in_every_command(capsys):
+    """`info` and `render` tell the level; `cast` hits what it hits at that level."""
+    np.save("rays.npy", rays_towards(scene_of(cage("cube")), 40, dtype=np.float64))
+    levels, distances = [], []
+    for tolerance in ("1e-2", "1e-5", "1e-7"):
+        option = ["--tolerance", tolerance]
+        assert main(["info", CUBE, "--json", *option]) == 0
+        facts = json.loads(capsys.readouterr().out)
+        assert facts["limit_error"] <= float(tolerance)
+        levels.append(facts["isolation_level"])
+        assert main(["render", CUBE, "-o", "cube.png", *TINY, "--json", *option]) == 0
+        assert json.loads(capsys.readouterr().out)["mesh"]["isolation_level"] == levels[-1]
+        found = []
+        for chosen in (option, ["--isolation-level", str(levels[-1])]):
+            assert main(["cast", CUBE, "rays.npy", "-o", "hits.npz", *chosen]) == 0
+            found.append(np.load("hits.npz")["t_hit"])
+        np.testing.assert_array_equal(*found)
+        distances.append(found[0])
+        capsys.readouterr()
+    assert levels[0] < levels[1] < levels[2]
+    assert (distances[0] != distances[2]).any()
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_cast_writes_hits(capsys, dtype):
     scene = scene_of(cage("cube"))
@@ -104,6 +127,7 @@ def test_cast_writes_hits(capsys, dtype):
 
 
 PATH = ["render", CUBE, "-o", "a.png", "--integrator", "path"]
+BOTH = ["--isolation-level", "3", "--tolerance", "1e-3"]
 FAILURES = [
     (["render", "nothing.obj", "-o", "a.png"], 1, "nothing.obj: No such file or directory"),
     (["render", CUBE, "-o", "nowhere/a.png"], 1, "nowhere/a.png: No such file or directory"),
@@ -125,15 +149,29 @@ FAILURES = [
     (["render", CUBE, "-o", "a.exr", "--aov", "z"], 2, '"z" is not one of depth, normal'),
     (["render", CUBE, "-o", "a.png", "--aov", "depth"], 2, "needs an output that ends in .exr"),
     (["render", CUBE, "-o", "a.png", "--fov", "200"], 1, "fov_deg must be above 0 and below 180"),
-    (["render", CUBE, "-o", "a.png", "--denoise"], 2, "need --integrator path"),
+    (["render", CUBE, "-o", "a.png", "--fov", "nan"], 1, "fov_deg must be above 0 and below 180"),
+    (["render", CUBE, "-o", "a.png", "--denoise"], 2, "--denoise: for --integrator path alone"),
+    (
+        ["render", CUBE, "-o", "a.png", "--max-depth", "3", "--roughness", "0.5"],
+        2,
+        "--max-depth, --roughness: for --integrator path alone",
+    ),
+    (["render", CUBE, "-o", "a.png", "--threads", "4097"], 2, "--threads"),
+    (["render", CUBE, "-o", "a.png", "--camera", "/a"], 1, "--camera is for whole USD stages"),
     ([*PATH, "--metallic", "1"], 1, "--metallic needs --roughness"),
     ([*PATH, "--roughness", "2"], 1, "roughness must be 0.05 to 1, not 2"),
     ([*PATH, "--sky", "blue"], 2, '"blue" is not three numbers'),
     (["info"], 2, "Missing argument 'MODEL'"),
     (["info", CUBE, "--isolation-level", "11"], 2, "--isolation-level"),
+    (["info", CUBE, *BOTH], 2, "--isolation-level, --tolerance: exclude each other"),
+    (["render", CUBE, "-o", "a.png", *BOTH], 2, "--tolerance: exclude each other"),
+    (["cast", CUBE, "short.npy", "-o", "a.npz", *BOTH], 2, "--tolerance: exclude each other"),
+    (["info", CUBE, "--tolerance", "nan"], 1, "tolerance must be a number above 0, not nan"),
     (["cast", CUBE, "rays.npy", "-o", "a.npz"], 1, "rays.npy: No such file or directory"),
     (["cast", CUBE, CUBE, "-o", "a.npz"], 1, "not a .npy file of numbers"),
     (["cast", CUBE, "short.npy", "-o", "a.npz"], 1, "rays must have shape (..., 6), not (3, 5)"),
+    (["cast", CUBE, "rays1.npy", "-o", "a.npz", "--tnear", "-1"], 1, "tnear must be at least 0"),
+    (["cast", CUBE, "rays1.npy", "-o", "a.npz", "--tfar", "nan"], 1, "not NaN, got nan"),
     (["cast", CUBE, "short.npy", "-o", "a.npy"], 2, '"a.npy" does not end in .npz'),
     (["draw"], 2, "No such command 'draw'"),
 ]
@@ -142,15 +180,11 @@ FAILURES = [
 @pytest.mark.parametrize(("arguments", "code", "message"), FAILURES)
 def test_failures_are_one_line_and_an_exit_code(arguments, code, message, capsys, tmp_path):
     np.save("short.npy", np.zeros((3, 5)))
+    np.save("rays1.npy", np.zeros((1, 6)))
     (tmp_path / "bad.obj").write_text("f 1 2 9\n")
     (tmp_path / "folder.png").mkdir()
     before = sorted(tmp_path.iterdir())
-    assert main(arguments) == code
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert printed.err.startswith("limitray: ")
-    assert printed.err.count("\n") == 1
-    assert message in printed.err
+    assert_fails(capsys, arguments, code, message)
     assert sorted(tmp_path.iterdir()) == before
 
 

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from shapes import CAGES, REPOSITORY, cage
-from test_usd import same
+from shapes import CAGES, REPOSITORY, assert_fails, cage, same
 
 import limitray as lr
 from limitray.cli import main
@@ -76,11 +75,7 @@ def test_convert_tells_what_is_lost(capsys):
     ],
 )
 def test_convert_errors(arguments, message, capsys):
-    assert main(["convert", *arguments]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("limitray: ")
-    assert error.count("\n") == 1
-    assert message in error
+    assert_fails(capsys, ["convert", *arguments], 1, message)
     assert list(Path().iterdir()) == []
 
 

@@ -47,7 +47,8 @@ def expect_numbers(hit, mesh):
 def test_any_array_is_answered_or_refused_as_rays(rays):
     scene = scene_of(square(), isolation_level=2)
     for call in (scene.cast_rays, scene.test_occlusions, scene.count_intersections):
-        if rays.dtype in (np.float32, np.float64) and rays.ndim and rays.shape[-1] == 6:
+        native = rays.dtype.newbyteorder("=")
+        if native in (np.float32, np.float64) and rays.ndim and rays.shape[-1] == 6:
             answer = call(rays)
             shape = answer["t_hit"].shape if isinstance(answer, dict) else answer.shape
             assert shape == rays.shape[:-1]

@@ -128,7 +128,6 @@ def test_directions_need_not_be_unit():
     [
         ({"rays": np.zeros((2, 6), int)}, "rays must have dtype float32 or float64, not int64"),
         ({"rays": np.zeros((2, 6), np.float16)}, "rays must have dtype float32 or float64"),
-        ({"rays": np.zeros((2, 6), ">f4")}, "rays must have dtype float32 or float64"),
         ({"rays": [["x"] * 6]}, "rays must have dtype"),
         ({"rays": np.zeros((2, 5))}, r"rays must have shape \(..., 6\), not \(2, 5\)"),
         ({"rays": np.float64(1)}, r"rays must have shape \(..., 6\), not \(\)"),
@@ -150,6 +149,8 @@ def test_construction_is_checked():
         lr.Scene(device="tpu")
     with pytest.raises(ValueError, match="threads must be an integer >= 0, not -1"):
         lr.Scene(threads=-1)
+    with pytest.raises(ValueError, match="threads must be 0 to 4096, not 4097"):
+        lr.Scene(threads=4097)
     scene = lr.Scene()
     with pytest.raises(ValueError, match=r"mesh must be a limitray\.Mesh, not str"):
         scene.add_mesh("cube.obj")

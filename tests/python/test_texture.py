@@ -7,7 +7,7 @@ from PIL import Image as PillowImage
 
 import limitray as lr
 from limitray.image import srgb_to_linear
-from limitray.material import Footprint, base_colors
+from limitray.material import Footprint, base_colors, finish
 
 RAMP = np.stack([np.arange(8.0)] * 3, axis=1)[np.newaxis]  # (1, 8, 3): value i at texel i
 
@@ -221,3 +221,64 @@ def test_materials_of_faces():
         scene.set_material(mesh, [])
     with pytest.raises(ValueError, match="geometry_id must be below 2"):
         scene.set_material(2, red)
+
+
+def test_adjusted_textures_are_the_same_image():
+    rng = np.random.default_rng(2)
+    image = rng.random((5, 7, 3))
+    texture = lr.Texture(image, "mirror", "clamp")
+    st, d_dx, d_dy = (rng.random((50, 2)) * scale for scale in (1, 0.3, 0.2))
+    matrix = np.array([[0.5, -2.0, 0.25], [1.5, 0.75, -1.0]])
+    found = texture.adjusted(matrix, (2, 3, 4), -0.5, channel=1).sample(st, d_dx, d_dy)
+    turned = st @ matrix[:, :2].T + matrix[:, 2]
+    plain = texture.sample(turned, d_dx @ matrix[:, :2].T, d_dy @ matrix[:, :2].T)
+    np.testing.assert_allclose(found, plain[:, [1, 1, 1]] * [2, 3, 4] - 0.5, atol=1e-12)
+    again = texture.adjusted(matrix).adjusted().sample(st, d_dx, d_dy)
+    np.testing.assert_array_equal(again, texture.sample(st, d_dx, d_dy))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"transform": np.eye(3)}, r"transform must have shape \(2, 3\), not \(3, 3\)"),
+        ({"transform": np.full((2, 3), np.nan)}, "transform must be finite"),
+        ({"scale": (1, 2)}, "scale must"),
+        ({"bias": np.inf}, "bias must be finite"),
+        ({"channel": 3}, "channel must be 0, 1, 2 or None, not 3"),
+    ],
+)
+def test_errors_of_adjusted(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        lr.Texture(RAMP).adjusted(**arguments)
+
+
+def test_textures_of_the_finish():
+    """Red gives roughness, kept in its range, green metallic; constants without coordinates."""
+    points, counts, indices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [4], [0, 1, 2, 3]
+    st = lr.FaceVarying(np.array(points)[:, :2], indices)
+    scene = lr.Scene()
+    scene.add_mesh(lr.Mesh(points, counts, indices, primvars={"st": st}))
+    bare = np.eye(4)
+    bare[0, 3] = 5
+    scene.add_mesh(lr.Mesh(points, counts, indices), transform=bare)
+    image = lr.Texture(np.array([[(0.0, 1.0, 0), (0.5, 0.25, 0)]]))
+    material = lr.Material(
+        roughness=0.75,
+        metallic=0.5,
+        roughness_texture=image,
+        metallic_texture=image.adjusted(channel=1),
+    )
+    assert not material.is_plain
+    for mesh in (0, 1):
+        scene.set_material(mesh, material)
+    rays = np.array([(x, 0.5, 1, 0, 0, -1.0) for x in (0.25, 0.75, 5.5)])
+    found = finish(scene, scene.cast_rays(rays, attributes=("sub_quads", "dp_du", "dp_dv")))
+    np.testing.assert_allclose(found.roughness, [0.05, 0.5, 0.75], atol=1e-7)
+    np.testing.assert_allclose(found.metallic, [1, 0.25, 0.5], atol=1e-7)
+    pictures = [
+        lr.render(scene, lr.Camera((0.5, 0.5, 2), (0.5, 0.5, 0)), 16, 16, 4, "path").rgba
+        for _ in (1, 2)
+    ]
+    np.testing.assert_array_equal(*pictures)
+    with pytest.raises(ValueError, match="metallic_texture needs a roughness, got none"):
+        lr.Material(metallic_texture=image)

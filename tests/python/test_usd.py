@@ -1,29 +1,19 @@
-"""USD files: each attribute of a mesh, what is seen and where, materials, and writing."""
+"""USD files: each attribute of a mesh, what is seen and where, cameras and base colours."""
 
-import os
 import shutil
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
+from shapes import CAGES_FOLDER, MODELS_FOLDER, down
 
 import limitray as lr
 from limitray.material import base_colors
 
 pytest.importorskip("pxr", reason="needs usd-core (the extra limitray[usd])")
-from pxr import Gf, Usd, UsdGeom, UsdUtils, Vt
+from pxr import Usd, UsdGeom, UsdUtils, Vt
 
-from limitray.usd import write_usd
-
-FILES = Path(__file__).parents[1] / "cages" / "usd"
-CAGES = Path(__file__).parents[1] / "cages"
-MODELS = Path(os.environ.get("LIMITRAY_MODELS", Path(__file__).parents[3] / "shared" / "models"))
-
-
-def down(*places):
-    """Rays along -z from high above the places (x, y)."""
-    return np.array([[x, y, 1e4, 0, 0, -1] for x, y in places], np.float64)
+FILES = CAGES_FOLDER / "usd"
 
 
 def hit_paths(scene, *places):
@@ -62,12 +52,30 @@ def test_left_handed_normals_point_up():
     assert any("primvar short ignored" in note for note in scene.stage.notes)
 
 
+def test_framing_stands_upright():
+    scene = lr.load_scene(FILES / "tags.usda")
+    np.testing.assert_array_equal(lr.Camera.frame(scene).up, (0, 0, 1))
+    np.testing.assert_array_equal(lr.Camera.frame(scene, up=(1, 0, 0)).up, (1, 0, 0))
+    scene.stage = None
+    np.testing.assert_array_equal(lr.Camera.frame(scene).up, (0, 1, 0))
+
+
 def test_points_at_a_time_code():
     heights = [
         float(lr.load_scene(FILES / "tags.usda", at).bounds()[1, 2]) for at in (None, 1, 2, 3)
     ]
     assert heights[0] == heights[1]
     np.testing.assert_allclose(np.array(heights[2:]) / heights[1], [2, 3], rtol=1e-2)
+
+
+def test_a_start_without_an_end_is_the_time(tmp_path):
+    stage = Usd.Stage.Open(str(FILES / "tags.usda"))
+    stage.GetRootLayer().Export(str(tmp_path / "late.usda"))
+    late = Usd.Stage.Open(str(tmp_path / "late.usda"))
+    late.ClearMetadata("endTimeCode")
+    late.SetStartTimeCode(2)
+    late.GetRootLayer().Save()
+    assert lr.load_scene(tmp_path / "late.usda").stage.time == 2
 
 
 def test_schemes():
@@ -168,7 +176,7 @@ def grid_of_instances(path, count):
     stage = Usd.Stage.CreateNew(str(path))
     instancer = UsdGeom.PointInstancer.Define(stage, "/Field")
     mesh = UsdGeom.Mesh.Define(stage, "/Field/Prototypes/Cube")
-    cube = lr.Mesh.from_file(CAGES / "cube.obj")
+    cube = lr.Mesh.from_file(CAGES_FOLDER / "cube.obj")
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(cube.points.astype(np.float32)))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(cube.face_vertex_counts.copy()))
     mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(cube.face_vertex_indices.copy()))
@@ -238,112 +246,12 @@ def test_texture_inside_a_package(tmp_path):
     np.testing.assert_allclose(base_colors(scene, hits)[0], (0, 1, 0), atol=1e-6)
 
 
-def same(a, b, dtype=np.float64):
-    """Whether two cages are equal: arrays, rules and primvars; points as `dtype`."""
-    np.testing.assert_array_equal(a.points.astype(dtype), b.points.astype(dtype))
-    for name in ("face_vertex_counts", "face_vertex_indices", "hole_indices"):
-        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
-    for x, y in zip((*a.crease_edges, *a.corners), (*b.crease_edges, *b.corners)):
-        np.testing.assert_array_equal(x, y)
-    for name in (
-        *("interpolate_boundary", "face_varying_linear_interpolation", "orientation"),
-        *("triangle_subdivision_rule", "creasing_method"),
-    ):
-        assert getattr(a, name) == getattr(b, name)
-    assert list(a.primvars) == list(b.primvars)
-    for name, primvar in a.primvars.items():
-        assert type(primvar) is type(b.primvars[name])
-        np.testing.assert_array_equal(primvar.values, b.primvars[name].values)
-        np.testing.assert_array_equal(primvar.indices, b.primvars[name].indices)
-    return True
-
-
-@pytest.mark.parametrize("suffix", [".usda", ".usdc", ".usd"])
-@pytest.mark.parametrize(
-    "name", ["torus_creases", "cube_seams", "sheet_none", "icosahedron_smooth", "cube_hole"]
-)
-def test_written_cages_read_back_equal(name, suffix, tmp_path):
-    mesh = lr.Mesh.from_file(CAGES / f"{name}.obj")
-    write_usd(mesh, tmp_path / f"cage{suffix}")
-    assert same(lr.Mesh.from_file(tmp_path / f"cage{suffix}"), mesh, np.float32)
-
-
-def test_all_primvars_are_written(tmp_path):
-    mesh = lr.Mesh.from_file(FILES / "tags.usda")
-    wide = lr.Primvar(np.arange(14.0).reshape(2, 7), "uniform", [0, 1, 0, 1, 1])
-    mesh = lr.Mesh(
-        mesh.points,
-        mesh.face_vertex_counts,
-        mesh.face_vertex_indices,
-        orientation="leftHanded",
-        primvars={**mesh.primvars, "wide": wide},
-    )
-    write_usd(mesh, tmp_path / "cage.usdc", "/a/b")
-    again = lr.Mesh.from_file(tmp_path / "cage.usdc", "/a/b")
-    assert sorted(again.primvars) == ["displayColor", "st", "weight", "wide"]
-    np.testing.assert_array_equal(again.primvars["wide"].values, wide.values)
-    assert again.primvars["wide"].interpolation == "uniform"
-
-
-def test_errors(tmp_path):
-    with pytest.raises(ValueError, match="prim must name one of 5 meshes: /CatmullClark, "):
-        lr.Mesh.from_file(FILES / "schemes.usda")
-    with pytest.raises(ValueError, match="prim /World/Shot is no mesh"):
-        lr.Mesh.from_file(FILES / "placed.usda", prim="/World/Shot")
-    with pytest.raises(ValueError, match="prim nonsense here is no mesh"):
-        lr.Mesh.from_file(FILES / "placed.usda", prim="nonsense here")
-    with pytest.raises(FileNotFoundError):
-        lr.load_scene(tmp_path / "none.usda")
-    (tmp_path / "bad.usda").write_text("#usda 1.0\ndef Mesh {")
-    with pytest.raises(ValueError, match=r"bad\.usda: cannot be read as USD"):
-        lr.load_scene(tmp_path / "bad.usda")
-    with pytest.raises(ValueError, match=r'a USD file ends in .*not "\.obj"'):
-        lr.load_scene(CAGES / "cube.obj")
-    with pytest.raises(ValueError, match="time must be finite"):
-        lr.load_scene(FILES / "tags.usda", float("nan"))
-    with pytest.raises(ValueError, match="Chaikin"):
-        write_usd(lr.Mesh.from_file(CAGES / "cube_chaikin.obj"), tmp_path / "x.usda")
-    with pytest.raises(ValueError, match="prim must be a path"):
-        write_usd(lr.Mesh.from_file(CAGES / "cube.obj"), tmp_path / "x.usda", "no path")
-
-
-def broken_stage(path, change):
-    stage = Usd.Stage.CreateNew(str(path))
-    mesh = UsdGeom.Mesh.Define(stage, "/Broken")
-    mesh.CreatePointsAttr(
-        [Gf.Vec3f(0, 0, 0), Gf.Vec3f(1, 0, 0), Gf.Vec3f(1, 1, 0), Gf.Vec3f(0, 1, 0)]
-    )
-    mesh.CreateFaceVertexCountsAttr([4])
-    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
-    change(mesh)
-    stage.GetRootLayer().Save()
-
-
-def test_a_broken_mesh_is_named(tmp_path):
-    broken_stage(tmp_path / "a.usda", lambda m: m.CreateFaceVertexIndicesAttr([0, 1, 2, 9]))
-    with pytest.raises(ValueError, match=r"a\.usda: .*/Broken: face_vertex_indices\[3\]"):
-        lr.load_scene(tmp_path / "a.usda")
-    broken_stage(tmp_path / "b.usda", lambda m: m.CreatePointsAttr([]))
-    with pytest.raises(ValueError, match="/Broken: has no faces or no points"):
-        lr.load_scene(tmp_path / "b.usda")
-
-
-def test_creases_off_the_mesh_are_dropped_with_a_note(tmp_path):
-    def change(mesh):
-        mesh.CreateCreaseIndicesAttr([0, 2, 3])
-        mesh.CreateCreaseLengthsAttr([3])
-        mesh.CreateCreaseSharpnessesAttr([2.0])
-
-    broken_stage(tmp_path / "c.usda", change)
-    scene = lr.load_scene(tmp_path / "c.usda")
-    assert scene.stage.notes == ("/Broken: 1 crease edges ignored: no face has them",)
-    edges, sharpnesses = lr.Mesh.from_file(tmp_path / "c.usda").crease_edges
-    assert edges.tolist() == [[2, 3]]
-    assert sharpnesses.tolist() == [2]
-
-
 def usd_models():
-    return sorted((MODELS / "usd").glob("**/*.usd*")) if (MODELS / "usd").exists() else []
+    return (
+        sorted((MODELS_FOLDER / "usd").glob("**/*.usd*"))
+        if (MODELS_FOLDER / "usd").exists()
+        else []
+    )
 
 
 @pytest.mark.parametrize("path", usd_models(), ids=lambda p: p.stem)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limitray.mesh import FaceVarying, Mesh, Primvar
+from limitray.usd.faces import Faces
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
@@ -24,8 +25,8 @@ INFINITELY_SHARP = 10.0
 _PLACES = {"constant", "uniform", "varying", "vertex", "faceVarying"}
 
 
-def read_mesh(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Mesh, list[str]]:
-    """The cage of a UsdGeomMesh prim at `time`, and what was left out or repaired.
+def read_mesh(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Mesh, Faces, list[str]]:
+    """The cage of a UsdGeomMesh prim at `time`, its faces, and what was left out or repaired.
 
     Raises
     ------
@@ -45,26 +46,34 @@ def read_mesh(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Mesh, list[str]]:
     indices = _array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int32)
     points = _array(mesh.GetPointsAttr().Get(time), np.float64).reshape(-1, 3)
     if not len(counts) or not len(points):
-        raise ValueError(f"{prim.GetPath()}: has no faces or no points at time {time}")
+        when = "" if time.IsEarliestTime() else f" at time {time.GetValue():g}"
+        raise ValueError(f"{prim.GetPath()}: has no faces or no points{when}")
     notes: list[str] = []
+    faces = Faces.repaired(counts, indices, notes)
+    counts, indices = faces.counts, faces.indices
+    if not len(counts):
+        raise ValueError(f"{prim.GetPath()}: {notes[0]}")
+    holes = faces.renumbered(_unique_holes(mesh, time).astype(np.int64))
     arguments: dict[str, Any] = {
         "orientation": str(mesh.GetOrientationAttr().Get(time)),
-        "hole_indices": _unique_holes(mesh, time, len(counts)),
+        "hole_indices": holes.astype(np.int32),
         "primvars": {},
     }
     if scheme == "catmullClark":
         arguments |= _subdivision_rules(mesh, time) | _creases_and_corners(mesh, time)
         _drop_loose_creases(arguments, counts, indices, notes)
+        _drop_repeated_corners(arguments, notes)
     else:
         arguments |= _all_sharp(counts, indices, len(points))
         if scheme == "none":
             notes += _concave_faces(points, counts, indices)
-    for name, primvar in _primvars(prim, time, counts, len(points), notes):
+    for name, primvar in _primvars(prim, time, faces, len(points), notes):
         arguments["primvars"][name] = primvar
     if "SkelBindingAPI" in prim.GetAppliedSchemas():
         notes.append("shown as it is bound: skinning is not applied")
     try:
-        return Mesh(points, counts, indices, **arguments), [f"{prim.GetPath()}: {n}" for n in notes]
+        cage = Mesh(points, counts, indices, **arguments)
+        return cage, faces, [f"{prim.GetPath()}: {note}" for note in notes]
     except ValueError as error:
         raise ValueError(f"{prim.GetPath()}: {error}") from None
 
@@ -73,9 +82,10 @@ def _array(values: Any, dtype: Any) -> NDArray[Any]:
     return np.zeros(0, dtype) if values is None else np.array(values, dtype)
 
 
-def _unique_holes(mesh: UsdGeom.Mesh, time: Usd.TimeCode, faces: int) -> NDArray[np.int32]:
-    """Holes once each; an index beyond the faces stays, to be refused."""
-    return np.unique(_array(mesh.GetHoleIndicesAttr().Get(time), np.int32))
+def _unique_holes(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> NDArray[np.int32]:
+    """Holes once each, as they come; an index beyond the faces stays, to be refused."""
+    holes = _array(mesh.GetHoleIndicesAttr().Get(time), np.int32)
+    return holes[np.sort(np.unique(holes, return_index=True)[1])]
 
 
 def _subdivision_rules(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> dict[str, Any]:
@@ -108,7 +118,7 @@ def _edges(counts: NDArray[Any], indices: NDArray[Any]) -> NDArray[np.int64]:
 def _drop_loose_creases(
     arguments: dict[str, Any], counts: NDArray[Any], indices: NDArray[Any], notes: list[str]
 ) -> None:
-    """Leaves out crease edges that no face has, as OpenSubdiv does, and says so."""
+    """Leaves out crease edges that no face has or that come again, and says so."""
     lengths, chain = arguments["crease_lengths"], arguments["crease_indices"]
     sharpnesses = arguments["crease_sharpnesses"]
     edges = int(np.sum(lengths - 1)) if len(lengths) else 0
@@ -123,14 +133,36 @@ def _drop_loose_creases(
     start = np.delete(np.arange(len(chain)), np.cumsum(lengths) - 1)
     pairs = np.sort(np.stack([chain[start], chain[start + 1]], axis=1).astype(np.int64), axis=1)
     size = max(int(indices.max()), int(chain.max())) + 1
-    known = np.isin(pairs @ [size, 1], _edges(counts, indices) @ [size, 1])
-    if known.all():
+    keys = pairs @ [size, 1]
+    known = np.isin(keys, _edges(counts, indices) @ [size, 1])
+    last = _last_of_each(keys)
+    if known.all() and last.all():
         return
     each = sharpnesses if len(sharpnesses) == edges else np.repeat(sharpnesses, lengths - 1)
-    arguments["crease_indices"] = pairs[known].ravel().astype(np.int32)
-    arguments["crease_lengths"] = np.full(int(known.sum()), 2, np.int32)
-    arguments["crease_sharpnesses"] = each[known]
-    notes.append(f"{int((~known).sum())} crease edges ignored: no face has them")
+    arguments["crease_indices"] = pairs[known & last].ravel().astype(np.int32)
+    arguments["crease_lengths"] = np.full(int((known & last).sum()), 2, np.int32)
+    arguments["crease_sharpnesses"] = each[known & last]
+    if not known.all():
+        notes.append(f"{int((~known).sum())} crease edges ignored: no face has them")
+    if not last.all():
+        notes.append(f"{int((~last).sum())} crease edges ignored: they come again later")
+
+
+def _drop_repeated_corners(arguments: dict[str, Any], notes: list[str]) -> None:
+    """Leaves out corners that come again later, as OpenSubdiv does, and says so."""
+    vertices, sharpnesses = arguments["corner_indices"], arguments["corner_sharpnesses"]
+    last = _last_of_each(vertices)
+    if len(vertices) == len(sharpnesses) and not last.all():
+        arguments["corner_indices"] = vertices[last]
+        arguments["corner_sharpnesses"] = sharpnesses[last]
+        notes.append(f"{int((~last).sum())} corners ignored: they come again later")
+
+
+def _last_of_each(keys: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether no later entry equals this one."""
+    last = np.zeros(len(keys), bool)
+    last[len(keys) - 1 - np.unique(keys[::-1], return_index=True)[1]] = True
+    return last
 
 
 def _all_sharp(
@@ -170,18 +202,19 @@ def _concave_faces(points: NDArray[Any], counts: NDArray[Any], indices: NDArray[
 
 
 def _primvars(
-    prim: Usd.Prim, time: Usd.TimeCode, counts: NDArray[Any], points: int, notes: list[str]
+    prim: Usd.Prim, time: Usd.TimeCode, faces: Faces, points: int, notes: list[str]
 ) -> Iterator[tuple[str, FaceVarying | Primvar]]:
     """The primvars of real numbers, with those a parent hands down."""
     from pxr import UsdGeom
 
     sizes = {
         "constant": 1,
-        "uniform": len(counts),
+        "uniform": len(faces.faces),
         "varying": points,
         "vertex": points,
-        "faceVarying": int(counts.sum()),
+        "faceVarying": len(faces.corners),
     }
+    kept = {"uniform": faces.faces, "faceVarying": faces.corners}
     for usd in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name, interpolation = str(usd.GetPrimvarName()), str(usd.GetInterpolation())
         values = _real_rows(usd.Get(time), usd.GetElementSize())
@@ -189,12 +222,15 @@ def _primvars(
             continue
         rows = usd.GetIndices(time) if usd.IsIndexed() else None
         indices = np.arange(len(values)) if rows is None else np.array(rows, np.int64)
-        fits = len(indices) == sizes[interpolation]
-        if not fits or indices.min() < 0 or indices.max() >= len(values):
+        if len(indices) != sizes[interpolation]:
             notes.append(
                 f"primvar {name} ignored: {len(indices)} {interpolation} values, "
                 f"{sizes[interpolation]} expected"
             )
+            continue
+        indices = indices[kept[interpolation]] if interpolation in kept else indices
+        if indices.min() < 0 or indices.max() >= len(values):
+            notes.append(f"primvar {name} ignored: an index is out of range")
         elif not np.isfinite(values).all():
             notes.append(f"primvar {name} ignored: not finite")
         elif interpolation == "faceVarying":

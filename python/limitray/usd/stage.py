@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from limitray._arrays import name_list, one_of
 from limitray.camera import Camera, Vector
+from limitray.material import Material
 from limitray.mesh import USD_SUFFIXES, Mesh
-from limitray.scene import Scene
+from limitray.scene import Scene, precision
+from limitray.usd.faces import Faces
 from limitray.usd.material import MaterialReader
 from limitray.usd.mesh import read_mesh
 from limitray.usd.walk import PlacedMesh, Walk
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     from pxr import Usd
 
 PURPOSES = ("default", "render")
+ALL_PURPOSES = (*PURPOSES, "proxy", "guide")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,7 @@ def load_scene(
     time: float | None = None,
     *,
     isolation_level: int | None = None,
+    tolerance: float | None = None,
     purposes: Sequence[str] = PURPOSES,
     device: str = "cpu",
     threads: int = 0,
@@ -71,7 +76,7 @@ def load_scene(
         A .usd, .usda, .usdc or .usdz file.
     time : float, optional
         Time code of points and transforms; the stage's start unless given.
-    isolation_level : int, optional
+    isolation_level, tolerance : int, float, optional
         As in `Scene.add_mesh`.
     purposes : sequence of str
         Purposes to take: "default", "render", "proxy", "guide".
@@ -92,6 +97,9 @@ def load_scene(
     ValueError
         It is no USD file, usd-core is not installed, or it has meshes and none can be traced.
     """
+    precision(isolation_level, tolerance)  # before meshes with errors are left out
+    for name in name_list("purposes", purposes):
+        one_of("purposes", name, ALL_PURPOSES)
     usd_stage = open_stage(path)
     code = _time_code(usd_stage, time)
     walk = Walk(usd_stage, code, tuple(purposes))
@@ -101,11 +109,12 @@ def load_scene(
     paths: list[str] = []
     for placed in walk.meshes():
         try:
-            mesh, found = read_mesh(placed.prim, code)
+            mesh, faces, found = read_mesh(placed.prims[0], code)
             notes += found
-            paths += _add(scene, mesh, placed, isolation_level, materials)
+            paths += _add(scene, mesh, faces, placed, (isolation_level, tolerance), materials)
         except ValueError as error:
             notes.append(f"left out: {error}")
+    notes = [*_unresolved(usd_stage), *notes]
     if notes and not paths:
         raise ValueError(f"{path}: no mesh can be traced: {notes[0]}")
     from pxr import UsdGeom
@@ -144,7 +153,7 @@ def mesh_from_usd(
         There is no such mesh, or several and none was chosen; or the mesh is not valid.
     """
     stage = open_stage(path)
-    from pxr import Usd, UsdGeom
+    from pxr import Sdf, Usd, UsdGeom
 
     if prim is None:
         meshes = [p for p in stage.Traverse(Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
@@ -153,7 +162,7 @@ def mesh_from_usd(
             raise ValueError(f"{path}: prim must name one of {len(meshes)} meshes: {names or '-'}")
         found = meshes[0]
     else:
-        valid = prim.startswith("/")
+        valid = prim.startswith("/") and Sdf.Path.IsValidPathString(prim)
         found = stage.GetPrimAtPath(prim) if valid else Usd.Prim()
         if not found or not found.IsA(UsdGeom.Mesh):
             raise ValueError(f"{path}: prim {prim} is no mesh of this file")
@@ -173,16 +182,24 @@ def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
     with path.open("rb"):
         pass
     try:
-        from pxr import Tf, Usd
+        from pxr import Tf, Usd, UsdUtils
     except ImportError:
         raise ValueError(
             f"{path}: USD files need usd-core: install limitray[usd] (pip install usd-core)"
         ) from None
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # keeps USD's warnings off stderr
     try:
         return Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        reason = str(error).strip().splitlines()[-1].strip()
+        reason = " ".join(error.args[0].commentary.split())
         raise ValueError(f"{path}: cannot be read as USD: {reason}") from None
+    finally:
+        del quiet
+
+
+def _unresolved(stage: Usd.Stage) -> list[str]:
+    """What the stage refers to and has not: files, and prims in files."""
+    return sorted(" ".join(str(error).split()) for error in stage.GetCompositionErrors())
 
 
 def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
@@ -190,10 +207,10 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
     from pxr import Usd
 
     if time is not None:
-        if not np.isfinite(time):
+        if not isinstance(time, int | float | np.number) or not np.isfinite(time):
             raise ValueError(f"time must be finite, not {time}")
         return Usd.TimeCode(float(time))
-    if stage.HasAuthoredTimeCodeRange():
+    if stage.HasAuthoredMetadata("startTimeCode"):
         return Usd.TimeCode(stage.GetStartTimeCode())
     return Usd.TimeCode.EarliestTime()
 
@@ -201,26 +218,38 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
 def _add(
     scene: Scene,
     mesh: Mesh,
+    faces: Faces,
     placed: PlacedMesh,
-    isolation_level: int | None,
+    precision: tuple[int | None, float | None],
     materials: MaterialReader,
 ) -> list[str]:
-    """Adds a mesh with all its placements (n, 4, 4); returns a path for each geometry id."""
+    """Adds a mesh with all its placements; returns a path for each geometry id.
+
+    Instances whose materials are others than the first one's are given theirs once, and the
+    following ones are made of that one.
+    """
+    first_of_group = materials.groups(placed.prims, placed.colors)
+    group = np.repeat(first_of_group, [len(m) for m in placed.matrices])
     matrices = np.concatenate(placed.matrices)
     invertible = np.abs(np.linalg.det(matrices[:, :3, :3])) > 0
     paths = [path for path, keep in zip(placed.paths, invertible) if keep]
     if len(paths) < len(matrices):
         lost = len(matrices) - len(paths)
         materials.notes.append(
-            f"{placed.prim.GetPath()}: left out {lost} of {len(matrices)} times: scaled to nothing"
+            f"{placed.prims[0].GetPath()}: left out {lost} of {len(matrices)} times: "
+            "scaled to nothing"
         )
-    if not paths:
-        return []
-    first, *others = matrices[invertible]
-    added = scene.add_mesh(mesh, isolation_level, first)
-    bound = materials.read(placed.prim, mesh)
-    if bound is not None:
-        scene.set_material(added, *bound)
-    for transform in others:
-        scene.add_instance(added, transform)
+    sources: dict[int, int] = {}
+    for transform, first in zip(matrices[invertible], group[invertible].tolist()):
+        if first in sources:
+            scene.add_instance(sources[first], transform)
+            continue
+        if not sources:
+            added = scene.add_mesh(mesh, precision[0], transform, tolerance=precision[1])
+        else:
+            added = scene.add_instance(next(iter(sources.values())), transform)
+        bound = materials.read(placed.prims[first], mesh, faces, placed.colors[first])
+        if bound is not None or sources:
+            scene.set_material(added, *(bound or ([Material()], None)))
+        sources[first] = added
     return paths

@@ -10,21 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limitray.camera import Camera
+from limitray.usd.shader import Color
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
 
+DISPLAY_COLOR = "displayColor"
 Matrices = NDArray[np.float64]
+
+MOST_COLORS = 256
+"""Different colours that the instances of an instancer may have."""
 
 
 @dataclass
 class PlacedMesh:
-    """One mesh of the file: a prim that stands for it, and where it stands.
+    """One mesh of the file and where it stands.
 
-    `matrices` are arrays (n, 4, 4) to be joined, `paths` one path for each matrix.
+    `prims` are the prims that stand for it, one where it is no native instance; `matrices` has an
+    array (n, 4, 4) for each of them, `paths` one path for each matrix. `colors` has for each prim
+    the displayColor that an instancer gives, or None.
     """
 
-    prim: Usd.Prim
+    prims: list[Usd.Prim] = field(default_factory=list)
+    colors: list[Color | None] = field(default_factory=list)
     matrices: list[Matrices] = field(default_factory=list)
     paths: list[str] = field(default_factory=list)
 
@@ -45,6 +53,7 @@ class Walk:
         self._transforms = UsdGeom.XformCache(time)
         self._placed: dict[str, PlacedMesh] = {}
         self._others: Counter[str] = Counter()
+        self._lights: set[str] = set()
         self.notes: list[str] = []
 
     def meshes(self) -> list[PlacedMesh]:
@@ -54,6 +63,8 @@ class Walk:
             f"{count} {kind} prims left out: they are no meshes"
             for kind, count in sorted(self._others.items())
         ]
+        if self._lights:
+            self.notes.append(f"{len(self._lights)} lights left out: light is given to `render`")
         return list(self._placed.values())
 
     def cameras(self) -> dict[str, Camera]:
@@ -66,22 +77,35 @@ class Walk:
                 camera = _camera(UsdGeom.Camera(prim), self._time)
                 if camera is None:
                     self.notes.append(f"{prim.GetPath()}: left out: not a perspective camera")
-                else:
-                    found[str(prim.GetPath())] = camera
+                    continue
+                found[str(prim.GetPath())] = camera
+                if any(
+                    attribute.Get(self._time)
+                    for attribute in (
+                        UsdGeom.Camera(prim).GetHorizontalApertureOffsetAttr(),
+                        UsdGeom.Camera(prim).GetVerticalApertureOffsetAttr(),
+                    )
+                ):
+                    self.notes.append(f"{prim.GetPath()}: shown without its aperture offset")
         return found
 
-    def _visit(self, root: Usd.Prim, parents: Matrices, prototype: bool) -> None:
+    def _visit(
+        self, root: Usd.Prim, parents: Matrices, prototype: bool, color: Color | None = None
+    ) -> None:
         """Collects what lies under `root`; `parents` (n, 4, 4) place its space in the world.
 
-        A prototype of an instancer may be a mere `over`, and is seen whatever its parents say.
+        `color` is what an instancer gives its instances. A prototype of an instancer may be a mere
+        `over`, and is seen whatever its parents say.
         """
-        from pxr import Usd, UsdGeom
+        from pxr import Usd, UsdGeom, UsdLux
 
         active = Usd.PrimIsActive & Usd.PrimIsLoaded
         predicate = active if prototype else active & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
         walk = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies(predicate)))
         for prim in walk:
             imageable = UsdGeom.Imageable(prim)
+            if prim.HasAPI(UsdLux.LightAPI):
+                self._lights.add(str(prim.GetPath()))
             if not imageable:
                 continue
             if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
@@ -89,10 +113,10 @@ class Walk:
             elif prim.IsA(UsdGeom.PointInstancer):
                 walk.PruneChildren()
                 if imageable.ComputePurpose() in self._purposes:
-                    self._instancer(UsdGeom.PointInstancer(prim), root, parents, prototype)
+                    self._instancer(UsdGeom.PointInstancer(prim), root, parents, prototype, color)
             elif prim.IsA(UsdGeom.Gprim) and imageable.ComputePurpose() in self._purposes:
                 if prim.IsA(UsdGeom.Mesh):
-                    self._place(prim, parents @ self._matrix(prim, root, prototype))
+                    self._place(prim, parents @ self._matrix(prim, root, prototype), color)
                 else:
                     self._others[str(prim.GetTypeName())] += 1
 
@@ -104,16 +128,23 @@ class Walk:
             return np.eye(4)
         return _column_matrix(self._transforms.ComputeRelativeTransform(prim, root)[0])
 
-    def _place(self, prim: Usd.Prim, matrices: Matrices) -> None:
+    def _place(self, prim: Usd.Prim, matrices: Matrices, color: Color | None) -> None:
         shared = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        placed = self._placed.setdefault(str(shared.GetPath()), PlacedMesh(prim))
+        placed = self._placed.setdefault(str(shared.GetPath()), PlacedMesh())
+        placed.prims.append(prim)
+        placed.colors.append(color)
         placed.matrices.append(matrices)
         placed.paths += [str(prim.GetPath())] * len(matrices)
 
     def _instancer(
-        self, instancer: UsdGeom.PointInstancer, root: Usd.Prim, parents: Matrices, prototype: bool
+        self,
+        instancer: UsdGeom.PointInstancer,
+        root: Usd.Prim,
+        parents: Matrices,
+        prototype: bool,
+        inherited: Color | None,
     ) -> None:
-        """Visits each prototype once, with the matrices of all its instances."""
+        """Visits each prototype once a colour, with the matrices of all instances that have it."""
         from pxr import UsdGeom
 
         prim = instancer.GetPrim()
@@ -131,13 +162,49 @@ class Walk:
         if len(found) != len(kinds):
             self.notes.append(f"{prim.GetPath()}: left out: not one position an instance")
             return
+        self._note_instance_primvars(prim)
         mask = np.array(instancer.ComputeMaskAtTime(self._time) or [True] * len(kinds), bool)
         local = self._matrix(prim, root, prototype) @ np.array(found).transpose(0, 2, 1)
+        colors = self._instance_colors(prim, len(kinds)) or [(inherited, np.ones(len(kinds), bool))]
         for kind, prototype_root in enumerate(roots):
-            matrices = local[(kinds == kind) & mask]
-            if prototype_root and len(matrices):
-                world = (parents[:, np.newaxis] @ matrices).reshape(-1, 4, 4)
-                self._visit(prototype_root, world, prototype=True)
+            for color, has_color in colors:
+                matrices = local[(kinds == kind) & mask & has_color]
+                if prototype_root and len(matrices):
+                    world = (parents[:, np.newaxis] @ matrices).reshape(-1, 4, 4)
+                    self._visit(prototype_root, world, prototype=True, color=color)
+
+    def _instance_colors(
+        self, instancer: Usd.Prim, count: int
+    ) -> list[tuple[Color | None, NDArray[np.bool_]]]:
+        """Each displayColor that an instancer gives, and which instances have it; often none."""
+        from pxr import UsdGeom
+
+        primvar = UsdGeom.PrimvarsAPI(instancer).GetPrimvar(DISPLAY_COLOR)
+        if not primvar.HasValue() or primvar.GetInterpolation() == UsdGeom.Tokens.constant:
+            return []
+        values = np.array(primvar.ComputeFlattened(self._time) or [], np.float64).reshape(-1, 3)
+        found, rows = np.unique(values, axis=0, return_inverse=True)
+        if len(values) != count or len(found) > MOST_COLORS:
+            self.notes.append(
+                f"{instancer.GetPath()}: {DISPLAY_COLOR} of instances ignored: {len(found)} "
+                f"colours of {len(values)} values for {count} instances, at most {MOST_COLORS}"
+            )
+            return []
+        tuples = [(float(r), float(g), float(b)) for r, g, b in found]
+        return [(color, rows.ravel() == k) for k, color in enumerate(tuples)]
+
+    def _note_instance_primvars(self, instancer: Usd.Prim) -> None:
+        from pxr import UsdGeom
+
+        varying = [
+            str(primvar.GetPrimvarName())
+            for primvar in UsdGeom.PrimvarsAPI(instancer).GetPrimvarsWithValues()
+            if primvar.GetInterpolation() != UsdGeom.Tokens.constant
+            and primvar.GetPrimvarName() != DISPLAY_COLOR
+        ]
+        if varying:
+            names = ", ".join(varying)
+            self.notes.append(f"{instancer.GetPath()}: primvars of instances ignored: {names}")
 
 
 def _prototypes(prim: Usd.Prim, instancer: UsdGeom.PointInstancer) -> list[Any]:
@@ -155,7 +222,7 @@ def _column_matrix(matrix: Any) -> Matrices:
 
 
 def _camera(camera: UsdGeom.Camera, time: Usd.TimeCode) -> Camera | None:
-    """A pinhole camera; None unless it is a perspective one."""
+    """A pinhole camera that shows the film gate; None unless it is a perspective one."""
     from pxr import Gf
 
     lens = camera.GetCamera(time)
@@ -169,4 +236,5 @@ def _camera(camera: UsdGeom.Camera, time: Usd.TimeCode) -> Camera | None:
     ex, ey, ez = eye.tolist()
     cx, cy, cz = center.tolist()
     ux, uy, uz = up.tolist()
-    return Camera((ex, ey, ez), (cx, cy, cz), (ux, uy, uz), float(fov))
+    aspect = lens.horizontalAperture / lens.verticalAperture if lens.verticalAperture > 0 else None
+    return Camera((ex, ey, ez), (cx, cy, cz), (ux, uy, uz), float(fov), aspect)
