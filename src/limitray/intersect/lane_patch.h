@@ -1,5 +1,5 @@
 // Stage: intersection, S1 and S8 for several rays at once. Comes in: a ray in each lane, and a
-// Bezier patch for each. Goes out: their models and nets in the frames of their rays, lane by lane.
+// patch for each. Goes out: their models and nets in the frames of their rays, lane by lane.
 //
 // The formulas are those of root_patch.h: `project` is the very same, `evaluate` sums the weighted
 // control values by rows, then columns.
@@ -48,10 +48,13 @@ inline LaneModels project(const PatchModel<float>* const (&models)[lane_count],
   return {project(axis(1, 2, 0), axis(2, 0, 1), axis(0, 1, 2), frames), m[15]};
 }
 
-/// A Bezier patch in each lane, in the frame of its ray.
+/// A patch in each lane, in the frame of its ray. The bumps are zero for Bezier patches, and say
+/// nothing if there is no other.
 struct LanePatch {
   Lanes x[16], y[16], z[16];
   Lanes eps_x, eps_y;
+  bool any_bump = false;
+  Lanes bump_x[4], bump_y[4], bump_z[4];
 };
 inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count],
                          const PatchRay<float>* const (&rays)[lane_count],
@@ -73,6 +76,26 @@ inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count],
   }
   p.eps_x = m.eps_x, p.eps_y = m.eps_y;
 }
+/// The same for the bumps; null for a Bezier patch.
+inline void bumps_to_ray_frame(const PatchBump<float>* const (&bumps)[lane_count],
+                               const PatchRay<float>* const (&rays)[lane_count],
+                               const LaneFrames& frames, LanePatch& p) {
+  p.any_bump = true;
+  for (int k = 0; k < 4; ++k) {
+    alignas(Lanes) float x[lane_count], y[lane_count], z[lane_count];
+    for (int j = 0; j < lane_count; ++j) {
+      const auto at = [&](int axis) { return bumps[j] ? bumps[j]->c[axis][k] : 0.0f; };
+      x[j] = at(rays[j]->axis_x), y[j] = at(rays[j]->axis_y), z[j] = at(rays[j]->axis_z);
+    }
+    const Lanes depth = load_lanes(z);
+    p.bump_x[k] = load_lanes(x) + frames.shear_x * depth;
+    p.bump_y[k] = load_lanes(y) + frames.shear_y * depth;
+    p.bump_z[k] = frames.sign_z * depth;
+  }
+}
+inline Lanes sum_abs(const Lanes (&bump)[4]) {
+  return abs(bump[0]) + abs(bump[1]) + abs(bump[2]) + abs(bump[3]);
+}
 
 /// Decides the patches once more, by the K of their own nets: it knows what the bounds of the model
 /// do not, how the derivatives of two components vary together.
@@ -92,9 +115,15 @@ inline void tighten(const LanePatch& p, ModelTest<Lanes>& test) {
       k_vv = max(k_vv, abs(Lanes(vu * dx + vv * dy - 1.0f)));
     }
   }
-  // Each value of the net may be off by eps, its differences by twice that.
-  test.set(min(k.uu, Lanes(k_uu + 6.0f * k.e_u)), min(k.uv, Lanes(k_uv + 6.0f * k.e_u)),
-           min(k.vu, Lanes(k_vu + 6.0f * k.e_v)), min(k.vv, Lanes(k_vv + 6.0f * k.e_v)));
+  // Each value of the net may be off by eps, its differences by twice that; and the bumps' part.
+  Lanes more_u = 6.0f * k.e_u, more_v = 6.0f * k.e_v;
+  if (p.any_bump) {
+    const Lanes x = bump_slope<float> * sum_abs(p.bump_x), y = bump_slope<float> * sum_abs(p.bump_y);
+    more_u += abs(k.m_uu) * x + abs(k.m_uv) * y;
+    more_v += abs(k.m_vu) * x + abs(k.m_vv) * y;
+  }
+  test.set(min(k.uu, Lanes(k_uu + more_u)), min(k.uv, Lanes(k_uv + more_u)),
+           min(k.vu, Lanes(k_vu + more_v)), min(k.vv, Lanes(k_vv + more_v)));
 }
 
 /// S2 for each lane: in the frame of the ray and in the local frame F.
@@ -110,8 +139,14 @@ inline LaneMask misses(const LanePatch& p, const Contraction<Lanes>& k) {
     u_lo = min(u_lo, f_u), u_hi = max(u_hi, f_u);
     v_lo = min(v_lo, f_v), v_hi = max(v_hi, f_v);
   }
-  return beyond(x_lo, x_hi, p.eps_x) | beyond(y_lo, y_hi, p.eps_y) | beyond(u_lo, u_hi, k.e_u) |
-         beyond(v_lo, v_hi, k.e_v);
+  Lanes e_x = p.eps_x, e_y = p.eps_y, e_u = k.e_u, e_v = k.e_v;
+  if (p.any_bump) {
+    const Lanes x = 0.067f * sum_abs(p.bump_x), y = 0.067f * sum_abs(p.bump_y);
+    e_x += x, e_u += abs(k.m_uu) * x + abs(k.m_uv) * y;
+    e_y += y, e_v += abs(k.m_vu) * x + abs(k.m_vv) * y;
+  }
+  return beyond(x_lo, x_hi, e_x) | beyond(y_lo, y_hi, e_y) | beyond(u_lo, u_hi, e_u) |
+         beyond(v_lo, v_hi, e_v);
 }
 
 /// `bernstein` and `bernstein_derivative` for each lane.
@@ -147,18 +182,50 @@ struct LaneWeights {
   p_u = weighted(v.value, row_u[0], row_u[1], row_u[2], row_u[3]);
   p_v = weighted(v.slope, row[0], row[1], row[2], row[3]);
 }
+/// `bump_weights` for each lane: one corner after the other.
+struct LaneBumpWeights {
+  Lanes g[4], g_s[4], g_t[4];
+
+  LaneBumpWeights(Lanes s, Lanes t) {
+    for (int k = 0; k < 4; ++k) {
+      const bool right = k == 1 || k == 2, upper = k >= 2;
+      const Lanes a = right ? 1.0f - s : s, b = upper ? 1.0f - t : t;
+      const Lanes sum = max(Lanes(a + b), Lanes(Lanes{} + std::numeric_limits<float>::min()));
+      const Lanes wa = a / sum, wb = b / sum, w = wa - wb, na = 1.0f - a, nb = 1.0f - b;
+      const Lanes squares = na * na * nb * nb;
+      const Lanes da = b * w * na * (1.0f - 3.0f * a) * nb * nb + 2.0f * squares * a * wb * wb;
+      const Lanes db = a * w * nb * (1.0f - 3.0f * b) * na * na - 2.0f * squares * b * wa * wa;
+      g[k] = 9.0f * a * b * squares * w;
+      g_s[k] = (right ? -9.0f : 9.0f) * da, g_t[k] = (upper ? -9.0f : 9.0f) * db;
+    }
+  }
+};
+/// Adds the bumps of one component.
+inline void add_bumps(const Lanes (&bump)[4], const LaneBumpWeights& w, Lanes& p, Lanes& p_u,
+                      Lanes& p_v) {
+  p += weighted(w.g, bump[0], bump[1], bump[2], bump[3]);
+  p_u += weighted(w.g_s, bump[0], bump[1], bump[2], bump[3]);
+  p_v += weighted(w.g_t, bump[0], bump[1], bump[2], bump[3]);
+}
+
 /// Rounding as in root_patch.h: sums of four products twice are no less exact than one of 16.
 [[gnu::always_inline]] inline RaySample<Lanes> evaluate(const LanePatch& p, Lanes u, Lanes v) {
   const LaneWeights w_u(u), w_v(v);
   RaySample<Lanes> s;
   evaluate(p.x, w_u, w_v, s.x, s.x_u, s.x_v);
   evaluate(p.y, w_u, w_v, s.y, s.y_u, s.y_v);
+  if (p.any_bump) {
+    const LaneBumpWeights w(u, v);
+    add_bumps(p.bump_x, w, s.x, s.x_u, s.x_v);
+    add_bumps(p.bump_y, w, s.y, s.y_u, s.y_v);
+  }
   return s;
 }
 [[gnu::always_inline]] inline DepthSample<Lanes> evaluate_depth(const LanePatch& p, Lanes u,
                                                                 Lanes v) {
   DepthSample<Lanes> s;
   evaluate(p.z, LaneWeights(u), LaneWeights(v), s.z, s.z_u, s.z_v);
+  if (p.any_bump) add_bumps(p.bump_z, LaneBumpWeights(u, v), s.z, s.z_u, s.z_v);
   return s;
 }
 

@@ -6,7 +6,7 @@
 // it. Rays side by side share the arithmetic, and what they read was asked for a round earlier. No
 // ray's arithmetic depends on its neighbours, so hits are the same for any order of rays.
 //
-// Gregory patches, and what S8 leaves undecided, are met one by one.
+// What S8 leaves undecided is met one by one.
 #pragma once
 
 #include "limitray/intersect/lane_patch.h"
@@ -114,34 +114,23 @@ class RayStream {
     }
   }
 
-  /// Meets the rays in `waiting` with the patches at which they stand.
+  /// S8 for the patches at which the rays in `waiting` stand, all at once.
   void meet_patches(unsigned waiting) {
-    unsigned gregory = 0;
-    for (unsigned left = waiting; left; left &= left - 1) {
-      const int j = std::countr_zero(left);
-      const SceneWalk<float>& walk = lanes_[j].walk;
-      gregory |= unsigned(walk.geometry().infos[walk.leaf].bump != no_bump) << j;
-    }
-    if (waiting != gregory) meet_bezier_patches(waiting & ~gregory);
-    for (unsigned left = gregory; left; left &= left - 1) {
-      Lane& lane = lanes_[std::countr_zero(left)];
-      if (count_splits(lane, [&] { return lane.walk.template meet_patch<true>(hit(lane), counts_); }))
-        finish(lane);
-    }
-  }
-
-  /// S8 for all of them at once.
-  void meet_bezier_patches(unsigned waiting) {
     const PatchModel<float>* models[lane_count];
     const PatchNet<float>* nets[lane_count];
+    const PatchBump<float>* bumps[lane_count];
     const PatchRay<float>* rays[lane_count];
+    bool any_bump = false;
     const int first = std::countr_zero(waiting);
     for (int j = 0; j < lane_count; ++j) {
       // A lane without a ray repeats another one's patch; nobody looks at what comes out.
       const SceneWalk<float>& walk = lanes_[waiting >> j & 1 ? j : first].walk;
-      models[j] = &walk.geometry().models[walk.leaf];
-      nets[j] = &walk.geometry().nets[walk.leaf];
+      const GeometryView<float>& g = walk.geometry();
+      models[j] = &g.models[walk.leaf];
+      nets[j] = &g.nets[walk.leaf];
+      bumps[j] = bump_of(g, walk.leaf);
       rays[j] = &walk.frame;
+      any_bump |= bumps[j] != nullptr;
     }
     counts_.patch_tests += std::uint32_t(std::popcount(waiting));
     const LaneModels m = project(models, frames_);
@@ -151,6 +140,7 @@ class RayStream {
     if (waiting & ~missed) {
       LanePatch patch;
       to_ray_frame(nets, rays, frames_, m.projected, patch);
+      if (any_bump) bumps_to_ray_frame(bumps, rays, frames_, patch);
       if (waiting & ~bits_of(test.decided)) tighten(patch, test);
       missed = bits_of(test.miss);
       if (waiting & ~bits_of(test.decided)) {
@@ -182,7 +172,7 @@ class RayStream {
     bool ended = false;
     count_splits(lane, [&] {
       bisect_patch<float, true>(
-          g.nets[walk.leaf], nullptr, project(g.models[walk.leaf], walk.frame), walk.frame,
+          g.nets[walk.leaf], bump_of(g, walk.leaf), project(g.models[walk.leaf], walk.frame), walk.frame,
           walk.zmax,
           [&](const PatchRoot<float>& root, float&) { return ended = walk.report(root, hit(lane)); },
           counts_);
