@@ -93,8 +93,8 @@ void expect_rays_meet_their_boxes(double size) {
       PatchRay<T> r;
       ASSERT_TRUE(make_patch_ray(ray, test::extent_of(size), r));
       Simd<float, 8> entry;
-      const unsigned met =
-          intersect_boxes(node, BoxRays(make_box_ray(r)), -float_up(-r.zmin), float_up(r.zmax), entry);
+      const unsigned met = intersect_boxes(node, BoxRays(make_box_ray(r)), -float_up(-r.zmin),
+                                           float_up(r.zmax), entry);
       ASSERT_TRUE(met >> k & 1) << round << " " << k;
     }
   }

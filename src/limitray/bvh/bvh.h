@@ -31,12 +31,11 @@ struct Box {
 };
 
 /// No ray meets it: its near plane is farther than any ray's far end.
-inline constexpr Box beyond_all{{std::numeric_limits<float>::infinity(),
-                                 std::numeric_limits<float>::infinity(),
-                                 std::numeric_limits<float>::infinity()},
-                                {std::numeric_limits<float>::infinity(),
-                                 std::numeric_limits<float>::infinity(),
-                                 std::numeric_limits<float>::infinity()}};
+inline constexpr Box beyond_all{
+    {std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity(),
+     std::numeric_limits<float>::infinity()},
+    {std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity(),
+     std::numeric_limits<float>::infinity()}};
 
 inline constexpr int bvh_width = 8;
 inline constexpr int bvh_max_depth = 40;

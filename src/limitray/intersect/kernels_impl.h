@@ -189,8 +189,8 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
     return false;
   };
   trace<double>(
-      scene, rays, i, i + 1, add,
-      [](std::size_t, const ObjectRay&, const LeafHit<double>&) {}, stats);
+      scene, rays, i, i + 1, add, [](std::size_t, const ObjectRay&, const LeafHit<double>&) {},
+      stats);
 }
 
 /// Meets a ray with one patch of a mesh; on_hit(root, t, zmax) returns true to end the search.

@@ -5,7 +5,7 @@
 // control values by rows, then columns.
 #pragma once
 
-#include "limitray/intersect/newton.h"
+#include "limitray/intersect/root_patch.h"
 
 namespace limitray {
 inline namespace LIMITRAY_ISA {
@@ -57,8 +57,8 @@ struct LanePatch {
   Lanes bump_x[4], bump_y[4], bump_z[4];
 };
 inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count],
-                         const PatchRay<float>* const (&rays)[lane_count],
-                         const LaneFrames& frames, const ProjectedModel<Lanes>& m, LanePatch& p) {
+                         const PatchRay<float>* const (&rays)[lane_count], const LaneFrames& frames,
+                         const ProjectedModel<Lanes>& m, LanePatch& p) {
   const float *x[lane_count], *y[lane_count], *z[lane_count];
   for (int j = 0; j < lane_count; ++j) {
     x[j] = nets[j]->c[rays[j]->axis_x];
@@ -95,58 +95,6 @@ inline void bumps_to_ray_frame(const PatchBump<float>* const (&bumps)[lane_count
 }
 inline Lanes sum_abs(const Lanes (&bump)[4]) {
   return abs(bump[0]) + abs(bump[1]) + abs(bump[2]) + abs(bump[3]);
-}
-
-/// Decides the patches once more, by the K of their own nets: it knows what the bounds of the model
-/// do not, how the derivatives of two components vary together.
-inline void tighten(const LanePatch& p, ModelTest<Lanes>& test) {
-  const Contraction<Lanes>& k = test.k;
-  const Lanes uu = 3.0f * k.m_uu, uv = 3.0f * k.m_uv, vu = 3.0f * k.m_vu, vv = 3.0f * k.m_vv;
-  Lanes k_uu{}, k_uv{}, k_vu{}, k_vv{};
-  for (int i = 0; i < 16; ++i) {
-    if (i % 4 < 3) {
-      const Lanes dx = p.x[i + 1] - p.x[i], dy = p.y[i + 1] - p.y[i];
-      k_uu = max(k_uu, abs(Lanes(uu * dx + uv * dy - 1.0f)));
-      k_vu = max(k_vu, abs(Lanes(vu * dx + vv * dy)));
-    }
-    if (i < 12) {
-      const Lanes dx = p.x[i + 4] - p.x[i], dy = p.y[i + 4] - p.y[i];
-      k_uv = max(k_uv, abs(Lanes(uu * dx + uv * dy)));
-      k_vv = max(k_vv, abs(Lanes(vu * dx + vv * dy - 1.0f)));
-    }
-  }
-  // Each value of the net may be off by eps, its differences by twice that; and the bumps' part.
-  Lanes more_u = 6.0f * k.e_u, more_v = 6.0f * k.e_v;
-  if (p.any_bump) {
-    const Lanes x = bump_slope<float> * sum_abs(p.bump_x), y = bump_slope<float> * sum_abs(p.bump_y);
-    more_u += abs(k.m_uu) * x + abs(k.m_uv) * y;
-    more_v += abs(k.m_vu) * x + abs(k.m_vv) * y;
-  }
-  test.set(min(k.uu, Lanes(k_uu + more_u)), min(k.uv, Lanes(k_uv + more_u)),
-           min(k.vu, Lanes(k_vu + more_v)), min(k.vv, Lanes(k_vv + more_v)));
-}
-
-/// S2 for each lane: in the frame of the ray and in the local frame F.
-inline LaneMask misses(const LanePatch& p, const Contraction<Lanes>& k) {
-  const auto beyond = [](Lanes lo, Lanes hi, Lanes e) { return (lo > e) | (hi < -e); };
-  Lanes x_lo = p.x[0], x_hi = x_lo, y_lo = p.y[0], y_hi = y_lo;
-  Lanes u_lo = k.m_uu * x_lo + k.m_uv * y_lo, u_hi = u_lo;
-  Lanes v_lo = k.m_vu * x_lo + k.m_vv * y_lo, v_hi = v_lo;
-  for (int i = 1; i < 16; ++i) {
-    const Lanes f_u = k.m_uu * p.x[i] + k.m_uv * p.y[i], f_v = k.m_vu * p.x[i] + k.m_vv * p.y[i];
-    x_lo = min(x_lo, p.x[i]), x_hi = max(x_hi, p.x[i]);
-    y_lo = min(y_lo, p.y[i]), y_hi = max(y_hi, p.y[i]);
-    u_lo = min(u_lo, f_u), u_hi = max(u_hi, f_u);
-    v_lo = min(v_lo, f_v), v_hi = max(v_hi, f_v);
-  }
-  Lanes e_x = p.eps_x, e_y = p.eps_y, e_u = k.e_u, e_v = k.e_v;
-  if (p.any_bump) {
-    const Lanes x = 0.067f * sum_abs(p.bump_x), y = 0.067f * sum_abs(p.bump_y);
-    e_x += x, e_u += abs(k.m_uu) * x + abs(k.m_uv) * y;
-    e_y += y, e_v += abs(k.m_vu) * x + abs(k.m_vv) * y;
-  }
-  return beyond(x_lo, x_hi, e_x) | beyond(y_lo, y_hi, e_y) | beyond(u_lo, u_hi, e_u) |
-         beyond(v_lo, v_hi, e_v);
 }
 
 /// `bernstein` and `bernstein_derivative` for each lane.

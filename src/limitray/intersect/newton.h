@@ -48,8 +48,8 @@ enum class NewtonResult { hit, miss, undecided };
 template <class V>
 struct PatchRoot {
   V u, v, z;
-  V radius;      // bound on the parametric distance to the surface's own hit
-  V spread{};    // bound on the distance in depth, rounding aside
+  V radius;    // bound on the parametric distance to the surface's own hit
+  V spread{};  // bound on the distance in depth, rounding aside
 };
 
 /// M, e and K of the head comment.
@@ -102,12 +102,9 @@ struct NewtonOutcome {
 /// step whose end is certain to be within `eps` of zero (curvature * step^2) is taken without
 /// looking again.
 template <class Patch, class V>
-[[gnu::always_inline]] inline NewtonOutcome<V> newton_steps(const Patch& patch,
-                                                            const Contraction<V>& k, V curvature,
-                                                            Interval<V> in_u, Interval<V> in_v, V u,
-                                                            V v, MaskOf<V> active,
-                                                            PatchRoot<V>& out,
-                                                            std::uint32_t& steps) {
+[[gnu::always_inline]] inline NewtonOutcome<V> newton_steps(
+    const Patch& patch, const Contraction<V>& k, V curvature, Interval<V> in_u, Interval<V> in_v,
+    V u, V v, MaskOf<V> active, PatchRoot<V>& out, std::uint32_t& steps) {
   using T = Element<V>;
   const MaskOf<V> none = V{} < V{};
   NewtonOutcome<V> outcome{none, none};
@@ -171,8 +168,7 @@ struct ModelTest {
   V u, v;                   // the model's own root
   MaskOf<V> decided, miss;  // `decided`: at most one hit, which newton_steps finds
 
-  explicit ModelTest(const ProjectedModel<V>& m)
-      : k(m.x_u, m.x_v, m.y_u, m.y_v, m.eps_x, m.eps_y) {
+  explicit ModelTest(const ProjectedModel<V>& m) : k(m.x_u, m.x_v, m.y_u, m.y_v, m.eps_x, m.eps_y) {
     const T half = T(0.5);
     u = half - (k.m_uu * m.x + k.m_uv * m.y), v = half - (k.m_vu * m.x + k.m_vv * m.y);
     const V a_uu = abs(k.m_uu), a_uv = abs(k.m_uv), a_vu = abs(k.m_vu), a_vv = abs(k.m_vv);

@@ -85,17 +85,17 @@ struct Extent {
   double radius;
 };
 
-/// S1 for the mesh in `extent`, in double: for one ray, or for several side by side (V a vector, see
-/// math/lanes.h). `meets` is false if a ray cannot meet the mesh, is not finite or has no direction;
-/// then the rest says nothing.
+/// S1 for the mesh in `extent`, in double: for one ray, or for several side by side (V a vector,
+/// see math/lanes.h). `meets` is false if a ray cannot meet the mesh, is not finite or has no
+/// direction; then the rest says nothing.
 ///
 /// Rounding (docs/accuracy.md, section 1). Let R = radius, u the unit roundoff of T. The moved
-/// origin is in the extent, so a control value is off by u R, org by u R, and both are at most D = 2
-/// R apart. The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off by
-/// 2 u, its product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D + 3u
-/// D + 2u D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and in Z:
-/// 30 u R; 32 u R covers the higher orders. The move in double adds 8 roundings of the way, the
-/// patches as the refiner computes them (within 5 roundings of R in double) 16 more of R:
+/// origin is in the extent, so a control value is off by u R, org by u R, and both are at most D =
+/// 2 R apart. The subtraction adds u D for each of X and Z; the shear factor (|shear| <= 1) is off
+/// by 2 u, its product by u more, and the sum is at most 2 D. Together |error of x| <= 4u R + 2u D
+/// + 3u D + 2u D = 18 u R, first order. The middle of a patch's model is off by 6 u R more in X and
+/// in Z: 30 u R; 32 u R covers the higher orders. The move in double adds 8 roundings of the way,
+/// the patches as the refiner computes them (within 5 roundings of R in double) 16 more of R:
 /// eps_double.
 template <class V, class T>
 struct RayFrame {
@@ -103,7 +103,7 @@ struct RayFrame {
   MaskOf<V> z_is_1, z_is_2;  // the dominant axis; 0 if neither
   V moved[3], n[3];          // PatchRay's org and dir
   V t_origin, t_scale, z_scale, eps, eps_z;
-  V from, to, start;         // zmin, zmax without eps_z, and z_start
+  V from, to, start;  // zmin, zmax without eps_z, and z_start
 
   RayFrame(const V (&org)[3], const V (&dir)[3], V tnear, V tfar, const Extent& extent) {
     V o[3], ad[3];

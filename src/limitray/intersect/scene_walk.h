@@ -1,5 +1,5 @@
-// Stage: intersection. Comes in: a ray and a scene. Goes out: the patches whose boxes the ray meets,
-// nearer ones first, instance by instance, and the ray in the frame of each.
+// Stage: intersection. Comes in: a ray and a scene. Goes out: the patches whose boxes the ray
+// meets, nearer ones first, instance by instance, and the ray in the frame of each.
 #pragma once
 
 #include "limitray/intersect/intersect_patch.h"
@@ -100,8 +100,8 @@ class SceneWalk {
   bool report(const PatchRoot<T>& root, OnHit&& on_hit) {
     const double t = double(T(frame.t_of(root.z)));  // as it will be reported
     if (!(t > ray.tnear && t <= tfar)) return false;
-    const bool ended = on_hit(
-        LeafHit<T>{t, instance_, leaf, root.u, root.v, double(root.spread) * frame.t_scale});
+    const bool ended =
+        on_hit(LeafHit<T>{t, instance_, leaf, root.u, root.v, double(root.spread) * frame.t_scale});
     zmax = std::min(zmax, frame.z_above(tfar));  // only what is nearer from now on
     return ended;
   }

@@ -9,7 +9,7 @@
 // What S8 leaves undecided is met one by one.
 #pragma once
 
-#include "limitray/intersect/lane_patch.h"
+#include "limitray/intersect/lane_newton.h"
 #include "limitray/intersect/scene_walk.h"
 
 namespace limitray {
@@ -114,70 +114,38 @@ class RayStream {
     }
   }
 
-  /// S8 for the patches at which the rays in `waiting` stand, all at once.
+  /// Meets the rays in `waiting` with the patches at which they stand.
   void meet_patches(unsigned waiting) {
-    const PatchModel<float>* models[lane_count];
-    const PatchNet<float>* nets[lane_count];
-    const PatchBump<float>* bumps[lane_count];
-    const PatchRay<float>* rays[lane_count];
-    bool any_bump = false;
+    LanePatches patches;
     const int first = std::countr_zero(waiting);
     for (int j = 0; j < lane_count; ++j) {
       // A lane without a ray repeats another one's patch; nobody looks at what comes out.
       const SceneWalk<float>& walk = lanes_[waiting >> j & 1 ? j : first].walk;
       const GeometryView<float>& g = walk.geometry();
-      models[j] = &g.models[walk.leaf];
-      nets[j] = &g.nets[walk.leaf];
-      bumps[j] = bump_of(g, walk.leaf);
-      rays[j] = &walk.frame;
-      any_bump |= bumps[j] != nullptr;
+      patches.set(j, &g.models[walk.leaf], &g.nets[walk.leaf], bump_of(g, walk.leaf), &walk.frame);
     }
-    counts_.patch_tests += std::uint32_t(std::popcount(waiting));
-    const LaneModels m = project(models, frames_);
-    ModelTest<Lanes> test(m.projected);
-    unsigned missed = bits_of(test.miss), met = 0;
-    alignas(64) float u[lane_count], v[lane_count], z[lane_count], spread[lane_count];
-    if (waiting & ~missed) {
-      LanePatch patch;
-      to_ray_frame(nets, rays, frames_, m.projected, patch);
-      if (any_bump) bumps_to_ray_frame(bumps, rays, frames_, patch);
-      if (waiting & ~bits_of(test.decided)) tighten(patch, test);
-      missed = bits_of(test.miss);
-      if (waiting & ~bits_of(test.decided)) {
-        const unsigned culled = bits_of(misses(patch, test.k)) & ~missed;
-        counts_.early_outs += std::uint32_t(std::popcount(culled & waiting));
-        missed |= culled;
-      }
-      const unsigned to_read = waiting & bits_of(test.decided) & ~missed;
-      PatchRoot<Lanes> root;
-      counts_.newton_runs += std::uint32_t(std::popcount(to_read));
-      const NewtonOutcome<Lanes> o = newton_on_patch(patch, test, m.curvature, mask_of(to_read),
-                                                     root, counts_.newton_steps);
-      met = bits_of(o.hit), missed |= bits_of(o.miss);
-      store(root.u, u), store(root.v, v), store(root.z, z);
-      store(root.radius * m.projected.z_slope, spread);
-    }
-    for (unsigned left = met; left; left &= left - 1) {
+    const LaneOutcome o = newton_on_models(patches, frames_, waiting, counts_);
+    for (unsigned left = o.met; left; left &= left - 1) {
       const int j = std::countr_zero(left);
       Lane& lane = lanes_[j];
-      if (lane.walk.report({u[j], v[j], z[j], 0, spread[j]}, hit(lane))) finish(lane);
+      if (lane.walk.report({o.u[j], o.v[j], o.z[j], 0, o.spread[j]}, hit(lane))) finish(lane);
     }
-    for (unsigned left = waiting & ~(met | missed); left; left &= left - 1)
+    for (unsigned left = waiting & ~(o.met | o.missed); left; left &= left - 1)
       bisect(lanes_[std::countr_zero(left)]);
   }
 
+  /// What S8 leaves undecided. Splits are limited a ray.
   void bisect(Lane& lane) {
     SceneWalk<float>& walk = lane.walk;
     const GeometryView<float>& g = walk.geometry();
+    counts_.before_ray = counts_.splits - lane.splits;
     bool ended = false;
-    count_splits(lane, [&] {
-      bisect_patch<float, true>(
-          g.nets[walk.leaf], bump_of(g, walk.leaf), project(g.models[walk.leaf], walk.frame), walk.frame,
-          walk.zmax,
-          [&](const PatchRoot<float>& root, float&) { return ended = walk.report(root, hit(lane)); },
-          counts_);
-      return ended;
-    });
+    bisect_patch<float, true>(
+        g.nets[walk.leaf], bump_of(g, walk.leaf), project(g.models[walk.leaf], walk.frame),
+        walk.frame, walk.zmax,
+        [&](const PatchRoot<float>& root, float&) { return ended = walk.report(root, hit(lane)); },
+        counts_);
+    lane.splits = counts_.splits - counts_.before_ray;
     if (ended) finish(lane);
   }
 
@@ -188,15 +156,6 @@ class RayStream {
     on_end_(lane.index, lane.walk.ray, lane.walk.best);
     lane.has_ray = false;
   }
-  /// Splits are limited a ray.
-  template <class Body>
-  bool count_splits(Lane& lane, const Body& body) {
-    counts_.before_ray = counts_.splits - lane.splits;
-    const bool ended = body();
-    lane.splits = counts_.splits - counts_.before_ray;
-    return ended;
-  }
-  static void store(Lanes v, float* to) { std::memcpy(to, &v, sizeof(v)); }
 
   const SceneView<float>& scene_;
   Load load_;

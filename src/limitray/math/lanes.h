@@ -46,7 +46,8 @@ auto lane_of(const V& v, int lane) {
     return v;
   } else {
     std::remove_cvref_t<decltype(v[0])> value;
-    std::memcpy(&value, reinterpret_cast<const char*>(&v) + lane * int(sizeof(value)), sizeof(value));
+    std::memcpy(&value, reinterpret_cast<const char*>(&v) + lane * int(sizeof(value)),
+                sizeof(value));
     return value;
   }
 }
@@ -100,6 +101,8 @@ inline Lanes load_lanes(const float* p) {
   std::memcpy(&v, p, sizeof(v));
   return v;
 }
+
+inline void store_lanes(float* p, Lanes v) { std::memcpy(p, &v, sizeof(v)); }
 
 /// One round of a transposition: swaps the blocks of `size` lanes beside the diagonal of two rows.
 template <int size, int... i>
