@@ -86,8 +86,9 @@ struct Geometry {
   }
 
   /// A surface of one point is given a size above 0, so that bounds on rounding are, too.
-  PatchBuffer<double> make_patches(std::span<const Vec3d> points) const {
-    PatchBuffer<double> made = refiner.make_patches(points);
+  PatchBuffer<double> make_patches(std::span<const Vec3d> points,
+                                   const std::function<void()>& stop = nullptr) const {
+    PatchBuffer<double> made = refiner.make_patches(points, stop);
     made.radius = std::max(made.radius, smallest_extent);
     return made;
   }

@@ -17,6 +17,9 @@ inline constexpr double smallest_extent = 1e-15;
 /// Largest |coordinate| of a surface under its transform.
 inline constexpr double largest_placed_coordinate = 1e17;
 
+/// Most threads of a scene: many more than a machine has, fewer than one can start.
+inline constexpr int most_threads = 4096;
+
 /// Throws std::invalid_argument unless `points`, as far as faces of `cage` use them, keep the
 /// limits above.
 void check_extent(const ControlCage& cage, std::span<const Vec3d> points);

@@ -176,8 +176,9 @@ struct Scene::State {
 };
 
 Scene::Scene(int threads) {
-  if (threads < 0)
-    throw std::invalid_argument("threads: must be 0 (all cores) or more, got " +
+  if (threads < 0 || threads > most_threads)
+    throw std::invalid_argument("threads: must be 0 (all cores) to " +
+                                std::to_string(most_threads) + ", got " +
                                 std::to_string(threads));
   kernels();  // reports a wrong LIMITRAY_ISA early
   state_ = std::make_unique<State>(threads);
@@ -204,11 +205,13 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
     auto g = std::make_unique<Geometry>(std::move(cage),
                                         RefineOptions{level, options.memory_limit, stop});
     stop();
-    const PatchBuffer<double> patches = g->make_patches(g->cage.points);
+    const PatchBuffer<double> patches = g->make_patches(g->cage.points, stop);
     stop();
     // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
-    g->bvh = build_bvh(boxes_of(round_patches<float>(patches)),
-                       [progress] { return progress && progress->cancel; });
+    const PatchBuffer<float> in_order = round_patches<float>(patches);
+    stop();
+    g->bvh =
+        build_bvh(boxes_of(in_order), [progress] { return progress && progress->cancel; });
     stop();
     g->patches = patches_to_trace<float>(patches, g->bvh.order);
     stop();

@@ -131,7 +131,7 @@ struct TopData {
 
 class Scene {
  public:
-  /// threads = 0: all cores.
+  /// threads: 0 (all cores) to 4096.
   explicit Scene(int threads = 0);
   ~Scene();
   Scene(Scene&&) noexcept;

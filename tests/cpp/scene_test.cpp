@@ -285,6 +285,7 @@ TEST(SceneErrorsTest, WrongArgumentsAreNamed) {
   flat.linear[2] = {0, 0, 0};
   EXPECT_THROW(scene.add_instance(0, flat), std::invalid_argument);
   EXPECT_THROW(Scene(-1), std::invalid_argument);
+  EXPECT_THROW(Scene(2147483647), std::invalid_argument);
 }
 
 TEST(SceneProgressTest, CancelledCallsThrowAndTheSceneWorksAfterwards) {

@@ -167,6 +167,7 @@ template <class Prefetch>
     }
     if (current & leaf_flag) {
       walk.size = size;
+      if (size > 0) prefetch(walk.stack[size - 1].child);  // what comes after the item
       return current & ~leaf_flag;
     }
   }

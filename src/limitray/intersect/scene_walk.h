@@ -94,6 +94,13 @@ class SceneWalk {
       if (!next_instance(scene, node_visits)) return false;
     }
   }
+  /// Asks for what meeting `leaf` will read.
+  void prefetch_patch() const {
+    const auto* net = reinterpret_cast<const char*>(&geometry_->nets[leaf]);
+    __builtin_prefetch(&geometry_->infos[leaf]);
+    for (std::size_t line = 0; line < sizeof(PatchNet<T>); line += 64)
+      __builtin_prefetch(net + line);
+  }
   /// A point where the ray meets `leaf`: on_hit(LeafHit), if it is between tnear and tfar, returns
   /// true to end the walk and may lower tfar.
   template <class OnHit>

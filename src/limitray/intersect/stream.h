@@ -108,6 +108,7 @@ class RayStream {
       }
       if (lane.walk.next_patch(scene_, node_visits_)) {
         if (std::exchange(lane.walk.has_moved, false)) frames_.set(j, lane.walk.frame);
+        lane.walk.prefetch_patch();
         return true;
       }
       finish(lane);

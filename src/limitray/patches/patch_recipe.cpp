@@ -115,7 +115,8 @@ Vec3d centre(std::span<const PatchRecipe> recipes, std::span<const Vec3d> points
 }  // namespace
 
 PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes,
-                                std::span<const Vec3d> points) {
+                                std::span<const Vec3d> points,
+                                const std::function<void()>& stop) {
   std::vector<std::size_t> first_net{0}, first_bump{0};
   for (const PatchRecipe& recipe : recipes) {
     first_net.push_back(first_net.back() + recipe.infos.size());
@@ -129,6 +130,7 @@ PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes,
 
   std::vector<double> radius(recipes.size());
   tbb::parallel_for(std::size_t{0}, recipes.size(), [&](std::size_t r) {
+    if (stop) stop();
     PatchInfo* infos = patches.infos.data() + first_net[r];
     for (PatchInfo info : recipes[r].infos) {
       if (info.bump != no_bump) info.bump += static_cast<std::uint32_t>(first_bump[r]);

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -55,6 +56,7 @@ struct PatchRecipe {
 
 /// All patches of a cage with control points `points`, in the order of the recipes.
 PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes,
-                                std::span<const Vec3d> points);
+                                std::span<const Vec3d> points,
+                                const std::function<void()>& stop);
 
 }  // namespace limitray

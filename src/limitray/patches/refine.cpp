@@ -400,12 +400,13 @@ Refiner::~Refiner() = default;
 Refiner::Refiner(Refiner&&) noexcept = default;
 Refiner& Refiner::operator=(Refiner&&) noexcept = default;
 
-PatchBuffer<double> Refiner::make_patches(std::span<const Vec3d> points) const {
+PatchBuffer<double> Refiner::make_patches(std::span<const Vec3d> points,
+                                          const std::function<void()>& stop) const {
   if (points.size() != topology_->point_count)
     throw std::invalid_argument("points: must be as many as the cage has, " +
                                 std::to_string(topology_->point_count) + ", got " +
                                 std::to_string(points.size()));
-  return run_recipes(topology_->recipes, points);
+  return run_recipes(topology_->recipes, points, stop);
 }
 
 }  // namespace limitray

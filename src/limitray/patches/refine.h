@@ -45,8 +45,9 @@ class Refiner {
   Refiner& operator=(Refiner&&) noexcept;
 
   /// Patches of the surface for control points `points` (as many as the cage or the primvar has).
-  /// Patch order is the same at each call.
-  PatchBuffer<double> make_patches(std::span<const Vec3d> points) const;
+  /// Patch order is the same at each call. `stop` as in RefineOptions.
+  PatchBuffer<double> make_patches(std::span<const Vec3d> points,
+                                   const std::function<void()>& stop = nullptr) const;
 
  private:
   struct Topology;
