@@ -55,8 +55,7 @@ struct PatchRecipe {
 };
 
 /// All patches of a cage with control points `points`, in the order of the recipes.
-PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes,
-                                std::span<const Vec3d> points,
+PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes, std::span<const Vec3d> points,
                                 const std::function<void()>& stop);
 
 }  // namespace limitray
