@@ -122,6 +122,22 @@ def test_edge_on_patches():
     np.testing.assert_array_equal(np.isfinite(a["t_hit"]), np.isfinite(b["t_hit"]))
 
 
+@pytest.mark.parametrize("name", ["square", "torus"])
+def test_rays_that_start_on_the_surface_and_run_along_it(name):
+    # A terminal box before the ray's start is no hit, and opens no cluster that swallows the hit.
+    cpu, gpu = on_both(square() if name == "square" else cage(name))
+    seeds = float_rays(cpu, 1000, 1)
+    if name == "square":
+        seeds = np.array([[0.1 + 0.1 * i, 0.35, 1, 0, 0, -1] for i in range(9)], np.float32)
+    hits = cpu.cast_rays(seeds, attributes=("points", "dp_du"))
+    found = np.isfinite(hits["t_hit"])
+    rays = np.concatenate([hits["points"], hits["dp_du"]], axis=1)[found]
+    assert len(rays) == (9 if name == "square" else found.sum())
+    a, b = (scene.cast_rays(rays, attributes=ALL) for scene in (cpu, gpu))
+    assert np.isfinite(a["t_hit"]).mean() > 0.99
+    assert disagreements(a, b).size == 0
+
+
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
 @pytest.mark.parametrize("away", [0.0, 1e3])
 def test_size_and_distance(scale, away):
