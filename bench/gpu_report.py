@@ -17,7 +17,10 @@ from pathlib import Path
 import numpy as np
 
 import limitray as lr
-from limitray.gpu import RAYS_PER_GROUP, open_tracer, slang_folder
+from limitray.gpu import RAYS_PER_GROUP
+from limitray.gpu_layout import HIT
+from limitray.gpu_rays import BufferRays
+from limitray.gpu_tracer import open_tracer, slang_folder
 
 REPOSITORY = Path(__file__).parents[1]
 sys.path.insert(0, str(REPOSITORY / "tests/python"))
@@ -53,7 +56,7 @@ def compile_table(cuda):
         for kernel in KERNELS:
             source = Path(folder, f"{kernel}.cu")
             _, code = compile_slang(
-                str(REPOSITORY / "src/kernels/hits.cs.slang"), "-target", "cuda", "-entry", kernel,
+                str(REPOSITORY / "src/kernels/closest_hits.cs.slang"), "-target", "cuda", "-entry", kernel,
                 "-stage", "compute", "-I", str(REPOSITORY / "src"), "-line-directive-mode", "none",
             )  # fmt: skip
             source.write_bytes(code)
@@ -111,22 +114,20 @@ def active_groups(scene, rays, per_group):
     """Mean groups of a wave that take part in a round."""
     gpu = scene._scene
     tracer = open_tracer("vulkan", slang_folder())
-    for _, batch in gpu._batches(rays, np.zeros(1), np.full(1, np.inf), None):
-        batch |= {"per_group": per_group, "ends_at_any": 0}
+    kernel = active_groups.__dict__.setdefault("kernel", None)
+    if kernel is None:
+        path = str(REPOSITORY / "bench/divergence.cs.slang")
+        program = tracer.device.load_program(path, ["divergence"])
+        kernel = active_groups.__dict__["kernel"] = tracer.device.create_compute_kernel(program)
+    source = BufferRays(rays, np.zeros(1), np.full(1, np.inf))
+    for _, batch in gpu._batches(source, None):
+        batch["batch"]["per_group"] = per_group
         work = tracer.buffer(np.zeros(3, np.uint32))
-        kernel = active_groups.__dict__.setdefault("kernel", None)
-        if kernel is None:
-            path = str(REPOSITORY / "bench/divergence.cs.slang")
-            kernel = tracer.device.create_compute_kernel(
-                tracer.device.load_program(path, ["divergence"])
-            )
-            active_groups.__dict__["kernel"] = kernel
-        settings = tracer.buffer(np.array([1, 1], np.uint32))
-        view = {**gpu._buffers, "settings": settings}
+        hits = tracer.empty_buffer(len(rays) * HIT.itemsize, HIT.itemsize)
         threads = -(-len(rays) // per_group) * 4
         threads = -(-threads // 64) * 64
-        kernel.dispatch([threads, 1, 1], {"scene": view, "rays": batch, "work": work})
-        _, groups, waves = work.to_numpy().view(np.uint32)
+        kernel.dispatch([threads, 1, 1], {**batch, "hits": hits, "work": work})
+        _, groups, waves = tracer.words(work)
         return groups / waves
     raise ValueError("no rays")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,14 @@ Shape = tuple[int | None, ...]
 
 
 def to_array(name: str, values: ArrayLike) -> NDArray[Any]:
-    """`values` as an array; ragged or non-array input raises ValueError naming `name`."""
+    """`values` as an array, by DLPack if numpy does not know them otherwise.
+
+    Ragged or non-array input raises ValueError naming `name`.
+    """
+    by_dlpack = hasattr(values, "__dlpack__") and not hasattr(values, "__array__")
     try:
-        return np.asarray(values)
-    except (ValueError, TypeError) as error:
+        return np.from_dlpack(cast(Any, values)) if by_dlpack else np.asarray(values)
+    except (ValueError, TypeError, RuntimeError, BufferError) as error:
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
 
 

@@ -18,6 +18,7 @@ import typer
 from numpy.typing import NDArray
 
 from limitray import cli_output
+from limitray._queries import ATTRIBUTES, PRIMVAR_PREFIX
 from limitray.bench import bench_command
 from limitray.cli_options import (
     JsonOption,
@@ -33,7 +34,6 @@ from limitray.convert import convert_command
 from limitray.info import mesh_info
 from limitray.mesh import Mesh
 from limitray.models import load_model
-from limitray.scene import ATTRIBUTES, PRIMVAR_PREFIX
 
 app = typer.Typer(
     help="Exact ray tracing of Catmull-Clark subdivision surfaces.",

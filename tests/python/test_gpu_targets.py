@@ -10,7 +10,12 @@ from shapes import REPOSITORY
 SOURCE = REPOSITORY / "src"
 MODULES = sorted((SOURCE / "limitray").rglob("*.slang"))
 TARGETS = ("spirv", "cuda", "metal", "hlsl", "wgsl")
-ENTRIES = (("hits", "three_lanes"), ("hits", "one_lane"), ("attributes", "attributes"))
+TRACERS = ("closest_hits", "any_hits", "camera_hits")
+ENTRIES = (
+    *((file, entry) for file in TRACERS for entry in ("three_lanes", "one_lane")),
+    ("attributes", "attributes"),
+    ("camera_attributes", "attributes"),
+)
 
 
 def compile_slang(*arguments):
@@ -49,6 +54,12 @@ def test_kernels_compile_for(target, file, entry):
     )
     assert len(code) > 10_000, said
     assert "error" not in said
+
+
+def test_entry_points_are_short():
+    files = sorted((SOURCE / "kernels").glob("*.cs.slang"))
+    assert [file.name.split(".")[0] for file in files] == sorted({file for file, _ in ENTRIES})
+    assert all(len(file.read_text().splitlines()) < 60 for file in files)
 
 
 def test_the_example_renderer_compiles():
