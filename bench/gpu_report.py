@@ -56,8 +56,8 @@ def compile_table(cuda):
         for kernel in KERNELS:
             source = Path(folder, f"{kernel}.cu")
             _, code = compile_slang(
-                str(REPOSITORY / "src/kernels/closest_hits.cs.slang"), "-target", "cuda", "-entry", kernel,
-                "-stage", "compute", "-I", str(REPOSITORY / "src"), "-line-directive-mode", "none",
+                str(REPOSITORY / "src/kernels/closest_hits.cs.slang"), "-target", "cuda",
+                "-entry", kernel, "-stage", "compute", "-I", str(REPOSITORY / "src"), "-line-directive-mode", "none",
             )  # fmt: skip
             source.write_bytes(code)
             for architecture in ARCHITECTURES:

@@ -21,11 +21,13 @@ from limitray import cli_output
 from limitray._queries import ATTRIBUTES, PRIMVAR_PREFIX
 from limitray.bench import bench_command
 from limitray.cli_options import (
+    DeviceOption,
     JsonOption,
     LevelOption,
     ModelArgument,
     PrimOption,
     ThreadsOption,
+    check_device,
     check_suffix,
     parse_names,
 )
@@ -113,13 +115,14 @@ def cast_command(
     prim: PrimOption = None,
     isolation_level: LevelOption = None,
     threads: ThreadsOption = 0,
+    device: DeviceOption = "cpu",
     as_json: JsonOption = False,
 ) -> None:
     """Shoots the rays of RAYS.npy at MODEL and writes the closest hits.
 
     HITS.npz holds t_hit (inf for a miss), geometry_ids, primitive_ids (the base face),
     primitive_uvs and primitive_normals, each with the shape of the rays. float64 rays are answered
-    in double arithmetic.
+    in double arithmetic, on the CPU only.
 
     Examples:
 
@@ -129,9 +132,10 @@ def cast_command(
     """
     names = _parse_attributes(attributes)
     check_suffix(output, (".npz",))
+    check_device(device)
     cli_output.check_writable(output)
     array = _load_rays(rays)
-    scene = load_model(model, prim, None, isolation_level, threads)
+    scene = load_model(model, prim, None, isolation_level, threads, device)
 
     start = time.perf_counter()
     count = array.size // 6
@@ -171,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return cli_output.fail(error.format_message(), error.exit_code)
     except (KeyboardInterrupt, typer.Abort):
         return cli_output.fail("stopped", 130)
-    except (OSError, ValueError, MemoryError, RuntimeError) as error:
+    except (OSError, ValueError, MemoryError, RuntimeError, ImportError) as error:
         return cli_output.fail(_describe(error), 1)
 
 

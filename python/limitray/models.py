@@ -20,6 +20,7 @@ def load_model(
     time: float | None = None,
     isolation_level: int | None = None,
     threads: int = 0,
+    device: str = "cpu",
 ) -> Scene:
     """The scene of an OBJ file, of a whole USD stage, or of one mesh (`prim`) of it.
 
@@ -29,11 +30,13 @@ def load_model(
     if time is not None and not (is_usd and prim is None):
         raise ValueError("--time is for whole USD stages")
     if is_usd and prim is None:
-        scene = load_scene(path, time, isolation_level=isolation_level, threads=threads)
+        scene = load_scene(
+            path, time, isolation_level=isolation_level, device=device, threads=threads
+        )
         for note in scene.stage.notes if scene.stage else ():
             print(f"limitray: {note}", file=sys.stderr)
         return scene
-    scene = Scene(threads=threads)
+    scene = Scene(device, threads)
     scene.add_mesh(Mesh.from_file(path, prim), isolation_level)
     return scene
 

@@ -445,6 +445,10 @@ class Scene:
         ids = np.repeat(np.arange(len(flat)), np.diff(splits))
         return {"ray_splits": splits, "ray_ids": ids, **found}
 
+    def device_name(self) -> str:
+        """Name of what traces float32 rays: "cpu", or that of the GPU."""
+        return "cpu" if self._gpu is None else self._gpu.adapter
+
     def bounds(self) -> NDArray[np.float64]:
         """Lower and upper corner (2, 3) of the surfaces; raises ValueError for an empty scene."""
         corners = self._scene.bounds()
