@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from limitray import _core
 from limitray.gpu_arrays import DeviceArray, device_array
-from limitray.gpu_layout import HIT, MISS
+from limitray.gpu_layout import HIT, MISS, STRIDES
 from limitray.gpu_rays import BufferRays, CameraRays, Numbers, RaySource
 from limitray.gpu_tracer import BACKENDS, open_tracer, slang_folder
 from limitray.gpu_upload import SceneBuffers
@@ -84,6 +84,17 @@ class GpuScene:
     def device(self) -> Any:
         """The slangpy.Device."""
         return self._tracer.device
+
+    def slang_view(self, device: Any = None) -> dict[str, Any]:
+        """The Slang struct SceneView, on the tracer's device or on another one."""
+        self._on_device.synchronise()
+        view = self._on_device.view(self._newton)
+        if device is None or device is self.device:
+            return view
+        return {
+            name: self._tracer.buffer(self._tracer.words(buffer), STRIDES[name], device)
+            for name, buffer in view.items()
+        }
 
     def device_array(self, name: str, values: Any) -> DeviceArray:
         """`values`, which lie on a GPU, for the queries below; see `gpu_arrays.device_array`."""

@@ -80,13 +80,16 @@ class Tracer:
         workgroups = -(-threads // THREADS)
         self._kernels[file, entry].dispatch([workgroups * THREADS, 1, 1], variables)
 
-    def buffer(self, array: NDArray[Any], stride: int = 4) -> Any:
-        """A buffer with the bytes of `array`, or one element if there are none."""
+    def buffer(self, array: NDArray[Any], stride: int = 4, device: Any = None) -> Any:
+        """A buffer with the bytes of `array`, or one element if there are none.
+
+        It lies on the tracer's device unless another one is given.
+        """
         data = np.ascontiguousarray(array).reshape(-1).view(np.uint8)
         if data.size == 0:
             return self.empty_buffer(stride, stride)
         self.uploaded += data.size
-        return self.device.create_buffer(
+        return (device or self.device).create_buffer(
             size=data.size, struct_size=stride, usage=self._usage(), data=data
         )
 

@@ -445,6 +445,17 @@ class Scene:
         ids = np.repeat(np.arange(len(flat)), np.diff(splits))
         return {"ray_splits": splits, "ray_ids": ids, **found}
 
+    def slang_view(self, device: Any = None) -> dict[str, Any]:
+        """The Slang struct SceneView of a scene on a GPU, for kernels of one's own.
+
+        Buffers on `gpu_device`, or, copied through the host, on another `slangpy.Device`. They are
+        what the scene is now: ask again after a change. Raises ValueError for a scene on the CPU.
+        """
+        if self._gpu is None:
+            raise ValueError('slang_view needs a scene on a GPU: Scene(device="gpu")')
+        with self._turn:
+            return self._gpu.slang_view(device)
+
     def device_name(self) -> str:
         """Name of what traces float32 rays: "cpu", or that of the GPU."""
         return "cpu" if self._gpu is None else self._gpu.adapter

@@ -87,7 +87,7 @@ GPU_ONLY = {
     "domain": set(),
     "newton": {"make", "times", "bound", "det", "beyond"},
     "intersect_patch": {"make"},
-    "hit_attributes": {"load_patch", "scaled"},
+    "hit_attributes": {"load_patch", "scaled", "normal_at"},
     "depth_cluster": {"make"},
     "gregory": set(),
 }
