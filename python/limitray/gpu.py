@@ -25,7 +25,7 @@ __all__ = ["BACKENDS", "GpuScene", "slang_folder"]
 RAYS_PER_BATCH = 1 << 18
 """Rays that are on the device at a time: about 130 bytes each."""
 
-RAYS_PER_GROUP = 16
+RAYS_PER_GROUP = 8
 """Most rays that one group of threads takes, one after the other."""
 
 COUNTERS = (

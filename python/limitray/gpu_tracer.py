@@ -15,9 +15,9 @@ BACKENDS = ("vulkan", "cuda", "metal")
 """Devices by name; "gpu" takes the first of them that there is."""
 
 THREADS = 64
-"""Threads of a workgroup, as the kernels declare it."""
+"""A multiple of the threads of a workgroup, which kernels declare: 64, or 32 of one lane each."""
 
-CUDA_ARGUMENTS = ["--maxrregcount=96"]
+CUDA_ARGUMENTS = ["--maxrregcount=72"]
 
 
 def slang_folder() -> Path:
@@ -58,7 +58,7 @@ class Tracer:
             kind = self._slangpy.DeviceType[backend]
             try:
                 if self._slangpy.Device.enumerate_adapters(kind):
-                    # On CUDA, registers for a third of the threads of an SM (docs/gpu.md).
+                    # On CUDA, the fewest registers without spills (docs/gpu.md).
                     options = {
                         "include_paths": [str(self._folder), str(self._slangpy.SHADER_PATH)],
                         "downstream_args": CUDA_ARGUMENTS if backend == "cuda" else [],

@@ -21,6 +21,7 @@ from limitray._arrays import (
     to_array,
     transform_matrix,
 )
+from limitray._device import OnDevice
 from limitray._rays import flat_rays, ray_limits
 from limitray.gpu import BACKENDS, GpuScene
 from limitray.gpu_rays import CameraRays
@@ -40,7 +41,7 @@ DEVICES = ("cpu", "gpu", *BACKENDS)
 Progress = Callable[[int], None]
 
 
-class Scene:
+class Scene(OnDevice):
     """Subdivision surfaces and the rays shot at them.
 
     A scene may be queried from several threads at once, but not while it is changed.
@@ -70,7 +71,6 @@ class Scene:
         one_of("device", device, DEVICES)
         self.threads = positive_int("threads", threads, minimum=0)
         """Threads of the tracer; 0 stands for all cores."""
-        self._scene: _core.Scene | GpuScene
         if device == "cpu":
             self._scene = _core.Scene(threads)
         else:
@@ -388,21 +388,6 @@ class Scene:
                 found = self._scene.test_occlusions(flat, *limits, progress)
         return cast(NDArray[np.bool_], _queries.in_shape(found, shape))
 
-    @property
-    def gpu_device(self) -> Any:
-        """The `slangpy.Device` of a scene on a GPU; None on the CPU.
-
-        `cast_rays` and `test_occlusions` read float32 rays (..., 6), tnear and tfar that lie on
-        this device: a `slangpy.Buffer` of 6 floats a ray, a contiguous `slangpy.Tensor`, or with
-        device="cuda" a `torch.Tensor`, which slangpy copies on the device. Their values are not
-        checked. Hits are those of what has been submitted to the device before.
-        """
-        return None if self._gpu is None else self._gpu.device
-
-    @property
-    def _gpu(self) -> GpuScene | None:
-        return self._scene if isinstance(self._scene, GpuScene) else None
-
     def count_intersections(
         self,
         rays: ArrayLike,
@@ -444,21 +429,6 @@ class Scene:
         splits = found.pop("ray_splits").astype(np.int64)
         ids = np.repeat(np.arange(len(flat)), np.diff(splits))
         return {"ray_splits": splits, "ray_ids": ids, **found}
-
-    def slang_view(self, device: Any = None) -> dict[str, Any]:
-        """The Slang struct SceneView of a scene on a GPU, for kernels of one's own.
-
-        Buffers on `gpu_device`, or, copied through the host, on another `slangpy.Device`. They are
-        what the scene is now: ask again after a change. Raises ValueError for a scene on the CPU.
-        """
-        if self._gpu is None:
-            raise ValueError('slang_view needs a scene on a GPU: Scene(device="gpu")')
-        with self._turn:
-            return self._gpu.slang_view(device)
-
-    def device_name(self) -> str:
-        """Name of what traces float32 rays: "cpu", or that of the GPU."""
-        return "cpu" if self._gpu is None else self._gpu.adapter
 
     def bounds(self) -> NDArray[np.float64]:
         """Lower and upper corner (2, 3) of the surfaces; raises ValueError for an empty scene."""
