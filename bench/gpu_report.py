@@ -76,7 +76,7 @@ def compile_table(cuda):
                 ptx, cubin = f"{folder}/a.ptx", f"{folder}/a.cubin"
                 nvcc = (f"{cuda}/bin/nvcc", "-w", "-std=c++17", "-ptx")
                 run(*nvcc, f"-arch=compute_{architecture}", str(source), "-o", ptx)
-                for limit in (255, 128, 96, 72, 64):
+                for limit in (255, 128, 96, 80, 64):
                     said = run(
                         f"{cuda}/bin/ptxas", "-v", f"-arch=sm_{architecture}",
                         f"-maxrregcount={limit}", ptx, "-o", cubin,

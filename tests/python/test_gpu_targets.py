@@ -81,14 +81,15 @@ GPU_ONLY = {
     },
     "bvh": {"begin", "climb", "is_pending", "nearest_behind", "next_leaf", "entry_of"},
     "ray": {
+        *("axes_of", "axis_z_of"),
         *("is_finite", "pick", "lost_in_sum", "two_sum", "upper_half", "add_scaled", "inverse_of"),
     },
-    "root_patch": {"sum_abs", "corners"},
-    "domain": {"size_u", "size_v", "u0", "v0"},
+    "root_patch": {"sum_abs", "corners", "keep_corners"},
+    "domain": {"interval_size", "make", "size_u", "size_v", "u0", "v0"},
     "newton": {"make", "times", "bound", "det", "beyond"},
-    "intersect_patch": {"make", "freeze_bumps"},
+    "intersect_patch": {"make", "freeze_bumps", "bisect", "keep_flag", "kept_flag"},
     "hit_attributes": {"load_patch", "scaled", "normal_at"},
-    "depth_cluster": {"make"},
+    "depth_cluster": {"make", "tell"},
     "gregory": set(),
 }
 
