@@ -17,7 +17,10 @@ from pathlib import Path
 import numpy as np
 
 import limitray as lr
-from limitray.gpu import RAYS_PER_GROUP, open_tracer, slang_folder
+from limitray.gpu import RAYS_PER_GROUP
+from limitray.gpu_layout import HIT
+from limitray.gpu_rays import BufferRays
+from limitray.gpu_tracer import open_tracer, slang_folder
 
 REPOSITORY = Path(__file__).parents[1]
 sys.path.insert(0, str(REPOSITORY / "tests/python"))
@@ -25,13 +28,16 @@ from test_gpu_targets import compile_slang  # noqa: E402
 
 ARCHITECTURES = (80, 90, 120)
 THREADS_PER_SM = {80: 2048, 90: 2048, 120: 1536}
+BLOCKS_PER_SM = {80: 32, 90: 32, 120: 24}
+SHARED_PER_SM = {80: 164 << 10, 90: 228 << 10, 120: 100 << 10}
+RESERVED = 1 << 10  # shared memory that each workgroup takes besides
 REGISTERS_PER_SM = 65536
-KERNELS = ("three_lanes", "one_lane")
+KERNELS = {"three_lanes": 64, "one_lane": 32}  # threads of a workgroup
 
 # Bytes that a ray reads and arithmetic that it does, by event; counted in the Slang sources.
 NODE_BYTES, MODEL_BYTES, NET_BYTES = 12 * 16 + 4, 64, 192
 FLOPS = {"node": 3 * 8 * 2 * 2 + 40, "model": 150, "net": 3 * 16 * 4, "newton": 3 * 77 + 60,
-         "split": 2 * (3 * 256 + 3 * 40)}  # fmt: skip
+         "subpatch": 3 * 256 + 3 * 40}  # fmt: skip
 MACHINES = (("K40c", 288e9, 4.29e12), ("RTX 4090", 1008e9, 82.6e12), ("H100 SXM", 3350e9, 66.9e12))
 
 
@@ -41,40 +47,49 @@ def run(*command):
     return done.stdout + done.stderr
 
 
-def occupancy(architecture, registers):
-    """Share of an SM's threads that its registers allow, which come in eights a thread."""
+def occupancy(architecture, threads, registers, shared):
+    """Share of an SM's threads that registers and shared memory allow.
+
+    Registers come in eights a thread; `threads` and `shared` bytes are those of a workgroup.
+    """
     warps = REGISTERS_PER_SM // (32 * (-(-registers // 8) * 8))
-    return min(1.0, warps * 32 / THREADS_PER_SM[architecture])
+    blocks = min(
+        warps // (threads // 32),
+        SHARED_PER_SM[architecture] // (shared + RESERVED),
+        BLOCKS_PER_SM[architecture],
+    )
+    return min(1.0, blocks * threads / THREADS_PER_SM[architecture])
 
 
 def compile_table(cuda):
     """Rows of registers, spills, shared memory, instructions and occupancy."""
     with tempfile.TemporaryDirectory() as folder:
-        for kernel in KERNELS:
+        for kernel, threads in KERNELS.items():
             source = Path(folder, f"{kernel}.cu")
             _, code = compile_slang(
-                str(REPOSITORY / "src/kernels/hits.cs.slang"), "-target", "cuda", "-entry", kernel,
-                "-stage", "compute", "-I", str(REPOSITORY / "src"), "-line-directive-mode", "none",
+                str(REPOSITORY / "src/kernels/closest_hits.cs.slang"), "-target", "cuda",
+                "-entry", kernel, "-stage", "compute", "-I", str(REPOSITORY / "src"),
+                "-line-directive-mode", "none",
             )  # fmt: skip
             source.write_bytes(code)
             for architecture in ARCHITECTURES:
                 ptx, cubin = f"{folder}/a.ptx", f"{folder}/a.cubin"
                 nvcc = (f"{cuda}/bin/nvcc", "-w", "-std=c++17", "-ptx")
                 run(*nvcc, f"-arch=compute_{architecture}", str(source), "-o", ptx)
-                for limit in (255, 128, 96, 64):
+                for limit in (255, 128, 96, 80, 64):
                     said = run(
                         f"{cuda}/bin/ptxas", "-v", f"-arch=sm_{architecture}",
                         f"-maxrregcount={limit}", ptx, "-o", cubin,
                     )  # fmt: skip
                     registers = int(re.search(r"Used (\d+) registers", said)[1])
                     spills = re.search(r"(\d+) bytes spill stores, (\d+) bytes spill loads", said)
-                    shared = re.search(r"(\d+) bytes smem", said)
+                    shared = int(re.search(r"(\d+) bytes smem", said)[1])
                     sass = run(f"{cuda}/bin/nvdisasm", "-c", cubin)
                     instructions = len(re.findall(r"^\s+/\*[0-9a-f]+\*/\s", sass, re.MULTILINE))
                     yield (
                         f"sm_{architecture}", kernel, "none" if limit == 255 else limit, registers,
-                        f"{spills[1]} / {spills[2]}", shared[1] if shared else 0, instructions,
-                        f"{occupancy(architecture, registers):.0%}",
+                        f"{spills[1]} / {spills[2]}", shared, instructions,
+                        f"{occupancy(architecture, threads, registers, shared):.0%}",
                     )  # fmt: skip
 
 
@@ -111,22 +126,20 @@ def active_groups(scene, rays, per_group):
     """Mean groups of a wave that take part in a round."""
     gpu = scene._scene
     tracer = open_tracer("vulkan", slang_folder())
-    for _, batch in gpu._batches(rays, np.zeros(1), np.full(1, np.inf), None):
-        batch |= {"per_group": per_group, "ends_at_any": 0}
+    kernel = active_groups.__dict__.setdefault("kernel", None)
+    if kernel is None:
+        path = str(REPOSITORY / "bench/divergence.cs.slang")
+        program = tracer.device.load_program(path, ["divergence"])
+        kernel = active_groups.__dict__["kernel"] = tracer.device.create_compute_kernel(program)
+    source = BufferRays(rays, np.zeros(1), np.full(1, np.inf))
+    for _, batch in gpu._batches(source, None):
+        batch["batch"]["per_group"] = per_group
         work = tracer.buffer(np.zeros(3, np.uint32))
-        kernel = active_groups.__dict__.setdefault("kernel", None)
-        if kernel is None:
-            path = str(REPOSITORY / "bench/divergence.cs.slang")
-            kernel = tracer.device.create_compute_kernel(
-                tracer.device.load_program(path, ["divergence"])
-            )
-            active_groups.__dict__["kernel"] = kernel
-        settings = tracer.buffer(np.array([1, 1], np.uint32))
-        view = {**gpu._buffers, "settings": settings}
+        hits = tracer.empty_buffer(len(rays) * HIT.itemsize, HIT.itemsize)
         threads = -(-len(rays) // per_group) * 4
         threads = -(-threads // 64) * 64
-        kernel.dispatch([threads, 1, 1], {"scene": view, "rays": batch, "work": work})
-        _, groups, waves = work.to_numpy().view(np.uint32)
+        kernel.dispatch([threads, 1, 1], {**batch, "hits": hits, "work": work})
+        _, groups, waves = tracer.words(work)
         return groups / waves
     raise ValueError("no rays")
 
@@ -167,7 +180,7 @@ def main():
             flops = (
                 c["node_visits"] * FLOPS["node"] + c["patch_tests"] * FLOPS["model"]
                 + nets * FLOPS["net"] + c["newton_steps"] * FLOPS["newton"]
-                + (c["splits"] + 0.5 * c["backtracks"]) * FLOPS["split"]
+                + (c["splits"] + c["backtracks"]) * FLOPS["subpatch"]
             )  # fmt: skip
             work.append((name, *(f"{c[e]:.2f}" for e in events), f"{read:.0f}", f"{flops:.0f}"))
             bounds = (min(b / read, f / flops) / 1e6 for _, b, f in MACHINES)

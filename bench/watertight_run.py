@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""A long watertight run of one build: rounds of bench/watertight over the closed cages, with new
-seeds, on every instruction set, with doubles and pure bisection between them, until enough rays are
-counted. Prints progress and, at the end (also after Ctrl-C), the table of docs/accuracy.md.
+"""A long watertight run of one build: rounds of bench/watertight over the closed cages.
+
+Each round has a new seed; all instruction sets take turns, doubles and pure bisection come between
+them, until enough rays are counted. Prints progress and, at the end (also after Ctrl-C), the table
+of docs/accuracy.md.
 
     python3 bench/watertight_run.py --program build/release/bench/watertight --rays 1e9
 """
@@ -20,14 +22,15 @@ import sys
 import tempfile
 
 root = pathlib.Path(__file__).parent.parent
-cages = """cube cube_corners cube_inf_loop cube_seams cube_semi_2_5 dart_infinite icosahedron pole_12
-    pole_5 prism_5 star_prism tetrahedron torus torus_creases""".split()
+cages = """cube cube_corners cube_inf_loop cube_seams cube_semi_2_5 dart_infinite icosahedron
+    pole_12 pole_5 prism_5 star_prism tetrahedron torus torus_creases""".split()
 
 
 def rounds(isas: list[str], first_seed: int):
-    """(instruction set, options, rays a cage, seed), for ever: mostly float with S8 on the widest."""
+    """Instruction set, options, rays a cage and seed, for ever: mostly float, S8 and the widest."""
+    others = isas[1:] or isas
     for seed in itertools.count(first_seed):
-        isa = isas[0] if seed % 4 else isas[1 + seed // 4 % (len(isas) - 1)] if isas[1:] else isas[0]
+        isa = isas[0] if seed % 4 else others[seed // 4 % len(others)]
         yield isa, [], 1_000_000, seed
         if seed % 12 in (0, 5):
             for option in ("--double", "--bisection"):
@@ -35,6 +38,7 @@ def rounds(isas: list[str], first_seed: int):
 
 
 def run(program: str, isa: str, options: list[str], rays: int, seed: int) -> list[dict]:
+    """One round: a row of counts for each cage."""
     with tempfile.NamedTemporaryFile("r", suffix=".json") as out:
         files = [str(root / "tests" / "cages" / f"{cage}.obj") for cage in cages]
         command = [program, "--rays", str(rays), "--seed", str(seed), "--json", out.name, *options]
@@ -47,19 +51,23 @@ def run(program: str, isa: str, options: list[str], rays: int, seed: int) -> lis
         )
         rows = [json.loads(line) for line in out]
     if done.returncode not in (0, 1) or len(rows) != len(cages):
-        raise RuntimeError(f"{' '.join(command)} ({isa}): exit code {done.returncode}\n{done.stdout}")
+        line = " ".join(command)
+        raise RuntimeError(f"{line} ({isa}): exit code {done.returncode}\n{done.stdout}")
     return rows
 
 
 def table(rows: list[dict]) -> str:
+    """The sums of all rows, as Markdown."""
     keys = ("type", "search", "isa")
     sums: dict = collections.defaultdict(lambda: [0, 0, 0, 0])
     for row in rows:
         values = [row[k] for k in ("rays", "leaks", "unresolved", "beyond")]
         for key in (tuple(row[k] for k in keys), ("**all**", "", "")):
             sums[key] = [a + b for a, b in zip(sums[key], values, strict=True)]
-    head = "| number type | search | instruction set | rays | leaks | unresolved | beyond the target |"
-    lines = [head, "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| number type | search | instruction set | rays | leaks | unresolved | beyond |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for key in sorted(sums, key=lambda k: (k[0] == "**all**", k)):
         cells = [*key, *(f"{n:,}".replace(",", " ") for n in sums[key])]
         lines.append("| " + " | ".join(cells) + " |")
@@ -67,6 +75,7 @@ def table(rows: list[dict]) -> str:
 
 
 def main() -> int:
+    """Runs rounds until enough rays are counted; 1 if one leaked."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--program", default=str(root / "build/release/bench/watertight"))
     parser.add_argument("--rays", type=float, default=1e9, help="in all; %(default)s unless given")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,13 +15,15 @@ Shape = tuple[int | None, ...]
 def to_array(name: str, values: ArrayLike) -> NDArray[Any]:
     """`values` as an array in this machine's byte order.
 
+    By DLPack if numpy does not know them otherwise.
     Ragged or masked input, and such that is no array, raises ValueError naming `name`.
     """
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise ValueError(f"{name} must not be masked: fill the {values.mask.sum()} masked values")
+    by_dlpack = hasattr(values, "__dlpack__") and not hasattr(values, "__array__")
     try:
-        array = np.asarray(values)
-    except (ValueError, TypeError) as error:
+        array = np.from_dlpack(cast(Any, values)) if by_dlpack else np.asarray(values)
+    except (ValueError, TypeError, RuntimeError, BufferError) as error:
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
     return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
 

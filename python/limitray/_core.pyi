@@ -216,6 +216,10 @@ class Scene:
     def top_data(self) -> dict[str, Any]:
         """The tree over the instances."""
 
+    @staticmethod
+    def gpu_layout() -> dict[str, dict[str, int]]:
+        """Bytes of each record that these hold, and the offsets of its members."""
+
 def isa() -> str:
     """Instruction set in use."""
 

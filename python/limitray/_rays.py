@@ -24,12 +24,13 @@ def ray_limits(
     tnear: ArrayLike, tfar: ArrayLike, shape: tuple[int, ...], dtype: np.dtype[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """tnear and tfar as arrays of 1 value, or of one a ray."""
-    return _limit("tnear", tnear, shape, dtype), _limit("tfar", tfar, shape, dtype)
+    return limit_numbers("tnear", tnear, shape, dtype), limit_numbers("tfar", tfar, shape, dtype)
 
 
-def _limit(
+def limit_numbers(
     name: str, value: ArrayLike, shape: tuple[int, ...], dtype: np.dtype[Any]
 ) -> NDArray[Any]:
+    """One limit as an array of 1 value, or of one a ray."""
     array = to_array(name, value)
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{name} must be a real number or an array, not {array.dtype}")

@@ -18,7 +18,8 @@ from rich.console import Console
 from rich.table import Table
 
 from limitray import _core, cli_output
-from limitray.cli_options import PrimOption
+from limitray.bench_device import measure_device, print_device_report
+from limitray.cli_options import PrimOption, check_device
 from limitray.mesh import Mesh
 from limitray.obj import write_obj
 
@@ -68,6 +69,14 @@ def bench_command(
             "32, quads 4, 8, 16, and embree-geometry.",
         ),
     ] = "",
+    device: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="gpu, vulkan, cuda or metal: measure that GPU against the CPU, not against Embree "
+            "(needs limitray[gpu]).",
+        ),
+    ] = "cpu",
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the figures as JSON.")
     ] = None,
@@ -82,6 +91,7 @@ def bench_command(
 
     Traces the same rays with limitray, with Embree's subdivision geometry and with triangles made
     of every patch, in turns: primary rays of a camera, and diffuse rays that leave what these hit.
+    With --device gpu it measures the same rays on a GPU and on the CPU.
 
     Examples:
 
@@ -95,9 +105,18 @@ def bench_command(
                 f'"{plot_file}" does not end in .png, .svg or .pdf', param_hint="--plot"
             )
         _import_matplotlib()
+    check_device(device)
+    if device != "cpu" and (tracers or plot_file is not None):
+        raise typer.BadParameter("are for --device cpu", param_hint="--tracers and --plot")
     for file in (json_file, plot_file):
         if file is not None:
             cli_output.check_writable(file)
+    if device != "cpu":
+        figures = measure_device(model, device, rays, rounds, threads, isolation_level)
+        if json_file is not None:
+            json_file.write_text(json.dumps(figures, indent=2) + "\n")
+        print_device_report(figures)
+        return
     options = ["--threads", str(threads), "--isolation-level", str(isolation_level)]
     options += ["--rays", str(rays), "--rounds", str(rounds)]
     options += ["--tracers", tracers] if tracers else []

@@ -82,6 +82,16 @@ class Camera:
         directions = forward + across[..., np.newaxis] * right + upward[..., np.newaxis] * up
         return np.concatenate([np.broadcast_to(self.eye, directions.shape), directions], axis=-1)
 
+    def pixel_view(self, width: int, height: int) -> NDArray[np.float32]:
+        """What makes rays of picture positions: (4, 3).
+
+        The eye, the direction through (0, 0), and how that changes with a pixel to the right and
+        with a pixel down.
+        """
+        corners = self.rays(np.array([0.0, 1, 0]), np.array([0.0, 0, 1]), width, height)[:, 3:]
+        rows = [np.asarray(self.eye), corners[0], corners[1] - corners[0], corners[2] - corners[0]]
+        return np.array(rows, np.float32)
+
     @classmethod
     def frame(
         cls,
@@ -133,10 +143,9 @@ class Camera:
         corners = np.array(list(product(*scene.bounds().T)))
         camera = _fit(corners, aspect, direction, up, fov_deg, margin)
         size = FRAMING_RESOLUTION
-        rays = create_rays_pinhole(
-            fov_deg, camera.center, camera.eye, up, size, max(1, round(size / aspect))
+        hits = scene.cast_camera_rays(
+            camera, size, max(1, round(size / aspect)), attributes=("points",)
         )
-        hits = scene.cast_rays(rays, attributes=("points",))
         seen = hits["points"][np.isfinite(hits["t_hit"])].astype(np.float64)
         return _fit(seen, aspect, direction, up, fov_deg, margin) if len(seen) > 1 else camera
 

@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from limitray import cli_options as options
 from limitray import cli_output
+from limitray._queries import ATTRIBUTES, PRIMVAR_PREFIX
 from limitray.bench import bench_command
 from limitray.cli_render import render_command
 from limitray.convert import convert_command
 from limitray.info import mesh_info
 from limitray.mesh import Mesh
 from limitray.models import load_model
-from limitray.scene import ATTRIBUTES, PRIMVAR_PREFIX
 
 app = typer.Typer(
     help="Exact ray tracing of Catmull-Clark subdivision surfaces.",
@@ -101,13 +101,14 @@ def cast_command(
     isolation_level: options.LevelOption = None,
     tolerance: options.ToleranceOption = None,
     threads: options.ThreadsOption = 0,
+    device: options.DeviceOption = "cpu",
     as_json: options.JsonOption = False,
 ) -> None:
     """Shoots the rays of RAYS.npy at MODEL and writes the closest hits.
 
     HITS.npz holds t_hit (inf for a miss), geometry_ids, primitive_ids (the base face),
     primitive_uvs and primitive_normals, each with the shape of the rays. float64 rays are answered
-    in double arithmetic.
+    in double arithmetic, on the CPU only.
 
     Examples:
 
@@ -118,10 +119,16 @@ def cast_command(
     names = _parse_attributes(attributes)
     options.check_level(isolation_level, tolerance)
     options.check_suffix(output, (".npz",))
+    options.check_device(device)
     cli_output.check_writable(output)
     array = _load_rays(rays)
     scene = load_model(
-        model, prim, isolation_level=isolation_level, tolerance=tolerance, threads=threads
+        model,
+        prim,
+        isolation_level=isolation_level,
+        tolerance=tolerance,
+        threads=threads,
+        device=device,
     )
 
     start = time.perf_counter()
@@ -162,7 +169,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return cli_output.fail(error.format_message(), error.exit_code)
     except (KeyboardInterrupt, typer.Abort):
         return cli_output.fail("stopped", 130)
-    except (OSError, ValueError, MemoryError, RuntimeError) as error:
+    except (OSError, ValueError, MemoryError, RuntimeError, ImportError) as error:
         return cli_output.fail(_describe(error), 1)
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from limitray.camera import Vector
+from limitray.scene import DEVICES
 
 ModelArgument = Annotated[
     Path,
@@ -36,6 +37,13 @@ ToleranceOption = Annotated[
     ),
 ]
 ThreadsOption = Annotated[int, typer.Option(min=0, max=4096, help="Threads; 0 takes all cores.")]
+DeviceOption = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Where rays are traced: cpu; or gpu, vulkan, cuda, metal (needs limitray[gpu]).",
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print facts as JSON to stdout.")]
 
 
@@ -71,6 +79,15 @@ def parse_names(option: str, text: str, choices: tuple[str, ...]) -> tuple[str, 
                 f'"{name}" is not one of {", ".join(choices)}', param_hint=option
             )
     return names
+
+
+def check_device(device: str) -> str:
+    """`device`, if there is such a name; raises BadParameter otherwise."""
+    if device not in DEVICES:
+        raise typer.BadParameter(
+            f'"{device}" is not one of {", ".join(DEVICES)}', param_hint="--device"
+        )
+    return device
 
 
 def check_suffix(output: Path, suffixes: tuple[str, ...]) -> None:

@@ -67,6 +67,7 @@ def print_render(
         "seconds": seconds,
         "rays_per_second": rate,
         "isa": scene.isa(),
+        "device": scene.device_name(),
         "mesh": mesh,
         "statistics": counters,
     }
@@ -79,6 +80,7 @@ def print_render(
             "build": f"{mesh['build_seconds']:.3f} s",
             "memory": _bytes(mesh["patch_bytes"] + mesh["bvh_bytes"]),
             "instruction set": scene.isa(),
+            "device": scene.device_name(),
             "render": f"{seconds:.2f} s",
             "rays a second": f"{rate / 1e6:.2f} million",
             **{name.replace("_", " "): f"{count:,}" for name, count in counters.items()},

@@ -11,12 +11,14 @@ import typer
 from limitray import cli_output
 from limitray.camera import Camera, Vector
 from limitray.cli_options import (
+    DeviceOption,
     JsonOption,
     LevelOption,
     ModelArgument,
     PrimOption,
     ThreadsOption,
     ToleranceOption,
+    check_device,
     check_level,
     check_suffix,
     parse_names,
@@ -93,6 +95,7 @@ def render_command(
     isolation_level: LevelOption = None,
     tolerance: ToleranceOption = None,
     threads: ThreadsOption = 0,
+    device: DeviceOption = "cpu",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")] = 0,
     stats: Annotated[bool, typer.Option("--stats", help="Print rates and counters.")] = False,
     as_json: JsonOption = False,
@@ -139,9 +142,10 @@ def render_command(
         raise typer.BadParameter("go together", param_hint="--eye and --center")
     if eye is not None and camera_path is not None:
         raise typer.BadParameter("exclude each other", param_hint="--eye and --camera")
+    check_device(device)
     cli_output.check_writable(output)
 
-    scene = load_model(model, prim, time_code, isolation_level, tolerance, threads)
+    scene = load_model(model, prim, time_code, isolation_level, tolerance, threads, device)
     if texture is not None:
         set_texture(scene, Texture.from_file(texture))
     if roughness is not None or metallic:

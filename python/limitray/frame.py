@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from limitray.camera import Camera
-from limitray.hits import Rays
+from limitray.hits import Rays, Shot
 from limitray.scene import Scene
 from limitray.vectors import Array, column, dot
 
@@ -68,6 +68,13 @@ class Frame:
             tnear=np.zeros(len(pixels), np.float32),
             pixels=pixels,
             spread=(np.asarray(step * right), np.asarray(step * -up)),
+            shot=Shot(
+                self.camera,
+                self.width,
+                self.height,
+                np.stack([x, y], axis=-1).astype(np.float32),
+                np.asarray(1 / inverse, np.float32),
+            ),
         )
 
 

@@ -17,6 +17,17 @@ MISS = 0xFFFFFFFF
 LEAF = np.uint32(1 << 31)
 LARGEST = np.float32(3e38)
 
+INFO = np.dtype(
+    [
+        ("face", "u4"),
+        ("sub_quad_and_level", "u4"),
+        ("bump", "u4"),
+        ("u0", "f4"),
+        ("v0", "f4"),
+        ("du", "f4"),
+        ("dv", "f4"),
+    ]
+)
 GEOMETRY = np.dtype(
     [
         ("first_node", "u4"),

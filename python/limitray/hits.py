@@ -9,17 +9,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from limitray.camera import Camera
 from limitray.material import CLAY, FOOTPRINT_ATTRIBUTES, PLACE_ATTRIBUTES, finish
 from limitray.scene import Scene
 from limitray.vectors import Array, Mask, Rows, column, dot, pick, rows
 
 
 @dataclass(frozen=True)
+class Shot:
+    """Camera rays through `positions` (n, 2) of a picture, in pixels.
+
+    `lengths` (n,) are those of the directions as `Camera.rays` makes them.
+    """
+
+    camera: Camera
+    width: int
+    height: int
+    positions: NDArray[np.float32]
+    lengths: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
 class Rays:
     """Unit rays (n): `origins` and `directions` (3, n); hits count beyond `tnear` (n,).
 
-    `pixels` (n,) are the pixels that they work for; random numbers depend on them. `spread`, the
-    two differences (3, n) of directions between neighbouring samples, is given for camera rays.
+    `pixels` (n,) are the pixels that they work for; random numbers depend on them. Camera rays also
+    have `spread`, the two differences (3, n) of directions between neighbouring samples, and
+    `shot`, from which a GPU makes them itself.
     """
 
     origins: Array
@@ -27,6 +43,7 @@ class Rays:
     tnear: Array
     pixels: NDArray[np.uint32]
     spread: tuple[Array, Array] | None = None
+    shot: Shot | None = None
 
     def packed(self) -> NDArray[np.float32]:
         """As the tracer wants them: (n, 6)."""
@@ -95,7 +112,7 @@ def cast(scene: Scene, rays: Rays, beyond: Array | None = None) -> Hits:
     names: tuple[str, ...] = ("points", "t_error")
     if not scene.is_plain:
         names += PLACE_ATTRIBUTES + (() if rays.spread is None else FOOTPRINT_ATTRIBUTES)
-    answers = scene.cast_rays(rays.packed(), rays.tnear, tfar, names)
+    answers = _answers(scene, rays, tfar, names)
     found = np.flatnonzero(np.isfinite(answers["t_hit"]))
     if len(found) < len(rays.pixels):
         answers = {name: np.take(values, found, axis=0) for name, values in answers.items()}
@@ -110,6 +127,25 @@ def cast(scene: Scene, rays: Rays, beyond: Array | None = None) -> Hits:
         error=answers["t_error"],
         surface=_surface(scene, rays, found, outward, answers),
     )
+
+
+def _answers(
+    scene: Scene, rays: Rays, tfar: Array | float, names: tuple[str, ...]
+) -> dict[str, NDArray[Any]]:
+    shot = rays.shot
+    if shot is None or scene.gpu_device is None:
+        return scene.cast_rays(rays.packed(), rays.tnear, tfar, names)
+    # Depths, as the GPU's own rays count them, and back to distances.
+    answers = scene.cast_camera_rays(
+        shot.camera,
+        shot.width,
+        shot.height,
+        shot.positions,
+        rays.tnear / shot.lengths,
+        tfar / shot.lengths,
+        names,
+    )
+    return answers | {key: answers[key] * shot.lengths for key in ("t_hit", "t_error")}
 
 
 def occluded(scene: Scene, rays: Rays, tfar: Array | float = np.inf) -> Mask:

@@ -21,6 +21,7 @@ def load_model(
     isolation_level: int | None = None,
     tolerance: float | None = None,
     threads: int = 0,
+    device: str = "cpu",
 ) -> Scene:
     """The scene of an OBJ file, of a whole USD stage, or of one mesh (`prim`) of it.
 
@@ -31,12 +32,17 @@ def load_model(
         raise ValueError("--time is for whole USD stages")
     if is_usd and prim is None:
         scene = load_scene(
-            path, time, isolation_level=isolation_level, tolerance=tolerance, threads=threads
+            path,
+            time,
+            isolation_level=isolation_level,
+            tolerance=tolerance,
+            device=device,
+            threads=threads,
         )
         for note in scene.stage.notes if scene.stage else ():
             print(f"limitray: {note}", file=sys.stderr)
         return scene
-    scene = Scene(threads=threads)
+    scene = Scene(device, threads)
     scene.add_mesh(Mesh.from_file(path, prim), isolation_level, tolerance=tolerance)
     return scene
 

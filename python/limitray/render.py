@@ -195,9 +195,9 @@ def _layers(frame: Frame, aovs: Sequence[str]) -> dict[str, NDArray[Any]]:
     """The chosen layers, (height, width) or (height, width, 3)."""
     if not aovs:
         return {}
-    x, y = np.meshgrid(np.arange(frame.width) + 0.5, np.arange(frame.height) + 0.5)
-    rays = frame.camera.rays(x, y, frame.width, frame.height).astype(np.float32)
-    hits = frame.scene.cast_rays(rays, attributes=("points", "patch_ids"))
+    hits = frame.scene.cast_camera_rays(
+        frame.camera, frame.width, frame.height, attributes=("points", "patch_ids")
+    )
     keys = {
         "depth": "t_hit",
         "normal": "primitive_normals",

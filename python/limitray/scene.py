@@ -4,29 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from math import prod
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from limitray import _core
+from limitray import _core, _queries
 from limitray._arrays import (
     id_array,
     index_array,
-    name_list,
     one_of,
     positive_int,
     positive_number,
     real_array,
     transform_matrix,
 )
+from limitray._device import OnDevice
 from limitray._rays import flat_rays, ray_limits
 from limitray.gpu import BACKENDS, GpuScene
+from limitray.gpu_rays import CameraRays
 from limitray.material import Material, MaterialSet
 from limitray.mesh import Mesh
 
 if TYPE_CHECKING:
+    from limitray.camera import Camera
     from limitray.usd import Stage
 
 INVALID_ID = 0xFFFFFFFF
@@ -35,16 +38,6 @@ INVALID_ID = 0xFFFFFFFF
 DEFAULT_TOLERANCE = 1e-5
 MAX_THREADS = 4096
 DEVICES = ("cpu", "gpu", *BACKENDS)
-HIT_KEYS = (
-    "t_hit",
-    "geometry_ids",
-    "primitive_ids",
-    "primitive_uvs",
-    "primitive_normals",
-)
-ATTRIBUTES = ("points", "dp_du", "dp_dv", "t_error", "patch_ids", "sub_quads")
-PRIMVAR_PREFIX = "primvars:"
-PRIMVAR_PLACES = ("geometry_ids", "primitive_ids", "sub_quads", "primitive_uvs")
 
 Progress = Callable[[int], None]
 
@@ -62,7 +55,7 @@ def precision(isolation_level: int | None, tolerance: float | None) -> tuple[int
     )
 
 
-class Scene:
+class Scene(OnDevice):
     """Subdivision surfaces and the rays shot at them.
 
     A scene may be queried from several threads at once, but not while it is changed.
@@ -94,7 +87,6 @@ class Scene:
         if threads > MAX_THREADS:
             raise ValueError(f"threads must be 0 to {MAX_THREADS}, not {threads}")
         """Threads of the tracer; 0 stands for all cores."""
-        self._scene: _core.Scene | GpuScene
         if device == "cpu":
             self._scene = _core.Scene(threads)
         else:
@@ -272,7 +264,9 @@ class Scene:
         """
         geometries, faces, quads = (
             id_array(key, values)
-            for key, values in zip(PRIMVAR_PLACES, (geometry_ids, primitive_ids, sub_quads))
+            for key, values in zip(
+                _queries.PRIMVAR_PLACES, (geometry_ids, primitive_ids, sub_quads)
+            )
         )
         uvs = real_array("primitive_uvs", primitive_uvs, (None, 2))
         if name not in self._primvar_names:
@@ -290,6 +284,8 @@ class Scene:
         tfar: ArrayLike = np.inf,
         attributes: Sequence[str] = (),
         progress: Progress | None = None,
+        *,
+        output: str = "host",
     ) -> dict[str, NDArray[Any]]:
         """The closest hit of each ray.
 
@@ -298,7 +294,8 @@ class Scene:
         rays : array (..., 6) of float32 or float64, any strides
             Origin and direction. Directions need not be unit; t is in units of their length.
             float64 rays are answered in double arithmetic. Rays with a NaN, an infinity or a
-            direction of length 0 are misses.
+            direction of length 0 are misses. A scene on a GPU also takes arrays that lie there
+            (see `gpu_device`).
         tnear, tfar : float or array (...)
             Hits have tnear < t <= tfar. Both at least 0, not NaN.
         attributes : sequence of str
@@ -306,6 +303,9 @@ class Scene:
             "sub_quads", and primvars such as "primvars:st".
         progress : callable, optional
             Called about 20 times a second with the number of rays done.
+        output : {"host", "device"}
+            "device", for a scene on a GPU: the answers stay there, as `slangpy.Tensor` of the same
+            shapes. Primvars are evaluated on the host.
 
         Returns
         -------
@@ -331,28 +331,68 @@ class Scene:
         ValueError
             An argument has a wrong dtype, shape, name or value, or is a masked array.
         """
-        wanted_names = name_list("attributes", attributes)
-        primvars = [name for name in wanted_names if name.startswith(PRIMVAR_PREFIX)]
-        plain = [name for name in wanted_names if not name.startswith(PRIMVAR_PREFIX)]
-        for name in plain:
-            one_of("attributes", name, HIT_KEYS + ATTRIBUTES)
-        for name in primvars:
-            if self.primvar_width(name.removeprefix(PRIMVAR_PREFIX)) == 0:
-                raise ValueError(f'attributes: no mesh has the primvar of "{name}"')
-        names = list(dict.fromkeys((*HIT_KEYS, *plain)))
-        flat, shape = flat_rays(rays)
-        limits = ray_limits(tnear, tfar, shape, flat.dtype)
-        wanted = [*names, "sub_quads"] if primvars and "sub_quads" not in names else names
+        progress = _callback(progress)
+        names, primvars = _queries.attribute_names(attributes, self.primvar_width)
+        flat, shape = _queries.rays_for(self._gpu, rays)
+        limits = _queries.limits_for(self._gpu, tnear, tfar, shape, flat.dtype)
+        _queries.check_output(self._gpu, output, primvars)
+        wanted = names + [key for key in _queries.PRIMVAR_PLACES if primvars and key not in names]
         with self._turn:
-            cast = self._scene.cast_rays(flat, *limits, wanted, _callback(progress))
-        hits = {name: cast[name] for name in names}
-        for name in primvars:
-            values = self.evaluate_primvar(
-                name.removeprefix(PRIMVAR_PREFIX), *(cast[key] for key in PRIMVAR_PLACES)
-            )
-            for suffix, array in zip(("", ":du", ":dv"), values):
-                hits[name + suffix] = array.astype(flat.dtype, copy=False)
-        return {name: array.reshape(shape + array.shape[1:]) for name, array in hits.items()}
+            if self._gpu is not None:
+                found = self._gpu.cast_rays(flat, *limits, wanted, progress, output == "host")
+            else:
+                found = self._scene.cast_rays(flat, *limits, wanted, progress)
+        return _queries.answers_of(found, names, primvars, shape, self.evaluate_primvar)
+
+    def cast_camera_rays(
+        self,
+        camera: Camera,
+        width: int,
+        height: int,
+        positions: ArrayLike | None = None,
+        tnear: ArrayLike = 0.0,
+        tfar: ArrayLike = np.inf,
+        attributes: Sequence[str] = (),
+        progress: Progress | None = None,
+        *,
+        output: str = "host",
+    ) -> dict[str, NDArray[Any]]:
+        """The closest hits of a camera's rays, which a GPU makes itself.
+
+        Parameters
+        ----------
+        camera : Camera
+            Where the rays come from.
+        width, height : int
+            Size of the picture in pixels.
+        positions : array (..., 2), optional
+            Places in the picture, in pixels; (0, 0) is the top left corner. The centres of all
+            pixels, (height, width), unless given.
+        tnear, tfar, attributes, progress, output
+            As in `cast_rays`. Directions have length 1 along the axis of view, so that t is the
+            depth.
+
+        Returns
+        -------
+        dict of arrays
+            As `cast_rays` of float32 rays.
+        """
+        progress = _callback(progress)
+        names, primvars = _queries.attribute_names(attributes, self.primvar_width)
+        positive_int("width", width), positive_int("height", height)
+        places, shape = _queries.positions_for(self._gpu, positions, width, height)
+        _queries.check_output(self._gpu, output, primvars)
+        if self._gpu is None:
+            y, x = np.indices(shape) + 0.5 if places is None else (places[:, 1], places[:, 0])
+            rays = camera.rays(x, y, width, height).astype(np.float32).reshape(*shape, 6)
+            return self.cast_rays(rays, tnear, tfar, attributes, progress)
+        limits = _queries.limits_for(self._gpu, tnear, tfar, shape, np.dtype(np.float32))
+        wanted = names + [key for key in _queries.PRIMVAR_PLACES if primvars and key not in names]
+        view = camera.pixel_view(width, height)
+        source = CameraRays(view, width, prod(shape), places, *limits)
+        with self._turn:
+            found = self._gpu.cast_camera_rays(source, wanted, progress, output == "host")
+        return _queries.answers_of(found, names, primvars, shape, self.evaluate_primvar)
 
     def test_occlusions(
         self,
@@ -360,12 +400,23 @@ class Scene:
         tnear: ArrayLike = 0.0,
         tfar: ArrayLike = np.inf,
         progress: Progress | None = None,
+        *,
+        output: str = "host",
     ) -> NDArray[np.bool_]:
-        """Whether each ray hits anything: array (...) of bool. Arguments as in `cast_rays`."""
-        flat, shape = flat_rays(rays)
-        limits = ray_limits(tnear, tfar, shape, flat.dtype)
+        """Whether each ray hits anything: array (...) of bool. Arguments as in `cast_rays`.
+
+        With output="device" a `slangpy.Tensor` (...) of uint: 1 or 0.
+        """
+        progress = _callback(progress)
+        flat, shape = _queries.rays_for(self._gpu, rays)
+        limits = _queries.limits_for(self._gpu, tnear, tfar, shape, flat.dtype)
+        _queries.check_output(self._gpu, output)
         with self._turn:
-            return self._scene.test_occlusions(flat, *limits, _callback(progress)).reshape(shape)
+            if self._gpu is not None:
+                found = self._gpu.test_occlusions(flat, *limits, progress, output == "host")
+            else:
+                found = self._scene.test_occlusions(flat, *limits, progress)
+        return cast(NDArray[np.bool_], _queries.in_shape(found, shape))
 
     def count_intersections(
         self,

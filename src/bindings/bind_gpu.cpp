@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstring>
 #include <initializer_list>
+#include <type_traits>
 #include <utility>
 
 #include "bind.h"
@@ -92,6 +93,46 @@ Record top_data(const Scene& self) {
   return d;
 }
 
+/// Size and offsets of the records whose bytes the functions above export.
+nb::typed<nb::dict, nb::str, nb::typed<nb::dict, nb::str, std::size_t>> gpu_layout() {
+  using Net = PatchNet<float>;
+  using Bump = PatchBump<float>;
+  using Model = PatchModel<float>;
+  using Axis = std::remove_reference_t<decltype(Model::axis[0])>;
+  nb::dict all;
+  const auto add = [&](const char* name, std::size_t size,
+                       std::initializer_list<std::pair<const char*, std::size_t>> offsets) {
+    nb::dict record;
+    record["size"] = size;
+    for (const auto& [field, offset] : offsets) record[field] = offset;
+    all[name] = record;
+  };
+  add("PatchInfo", sizeof(PatchInfo),
+      {{"face", offsetof(PatchInfo, face)},
+       {"sub_quad", offsetof(PatchInfo, sub_quad)},
+       {"level", offsetof(PatchInfo, level)},
+       {"bump", offsetof(PatchInfo, bump)},
+       {"u0", offsetof(PatchInfo, u0)},
+       {"v0", offsetof(PatchInfo, v0)},
+       {"du", offsetof(PatchInfo, du)},
+       {"dv", offsetof(PatchInfo, dv)}});
+  add("PatchNet", sizeof(Net), {{"c", offsetof(Net, c)}});
+  add("PatchBump", sizeof(Bump), {{"c", offsetof(Bump, c)}});
+  add("PatchModel", sizeof(Model),
+      {{"axis", offsetof(Model, axis)}, {"curvature", offsetof(Model, curvature)}});
+  add("PatchModelAxis", sizeof(Axis),
+      {{"p", offsetof(Axis, p)},
+       {"p_u", offsetof(Axis, p_u)},
+       {"p_v", offsetof(Axis, p_v)},
+       {"d_u", offsetof(Axis, d_u)},
+       {"d_v", offsetof(Axis, d_v)}});
+  add("BvhNode", sizeof(BvhNode),
+      {{"lo", offsetof(BvhNode, lo)},
+       {"hi", offsetof(BvhNode, hi)},
+       {"child", offsetof(BvhNode, child)}});
+  return all;
+}
+
 }  // namespace
 
 void bind_gpu(nb::class_<Scene>& scene) {
@@ -99,7 +140,9 @@ void bind_gpu(nb::class_<Scene>& scene) {
       .def("mesh_data", &mesh_data, "mesh"_a,
            "Patches and tree of a mesh, as 32-bit words of the C++ records.")
       .def("instance_data", &instance_data, "geometry_id"_a)
-      .def("top_data", &top_data, "The tree over the instances.");
+      .def("top_data", &top_data, "The tree over the instances.")
+      .def_static("gpu_layout", &gpu_layout,
+                  "Bytes of each record that these hold, and the offsets of its members.");
 }
 
 }  // namespace limitray::bindings

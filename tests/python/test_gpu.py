@@ -10,6 +10,7 @@ from limitray.gpu import GpuScene
 
 require_gpu()
 
+GEOMETRIC = ("nets", "bumps", "models", "nodes")
 DOWN = [0.25, 0.75, 3, 0, 0, -2]
 NOWHERE = [
     [2, 0.5, 3, 0, 0, -1],
@@ -122,6 +123,22 @@ def test_edge_on_patches():
     np.testing.assert_array_equal(np.isfinite(a["t_hit"]), np.isfinite(b["t_hit"]))
 
 
+@pytest.mark.parametrize("name", ["square", "torus"])
+def test_rays_that_start_on_the_surface_and_run_along_it(name):
+    # A terminal box before the ray's start is no hit, and opens no cluster that swallows the hit.
+    cpu, gpu = on_both(square() if name == "square" else cage(name))
+    seeds = float_rays(cpu, 1000, 1)
+    if name == "square":
+        seeds = np.array([[0.1 + 0.1 * i, 0.35, 1, 0, 0, -1] for i in range(9)], np.float32)
+    hits = cpu.cast_rays(seeds, attributes=("points", "dp_du"))
+    found = np.isfinite(hits["t_hit"])
+    rays = np.concatenate([hits["points"], hits["dp_du"]], axis=1)[found]
+    assert len(rays) == (9 if name == "square" else found.sum())
+    a, b = (scene.cast_rays(rays, attributes=ALL) for scene in (cpu, gpu))
+    assert np.isfinite(a["t_hit"]).mean() > 0.99
+    assert disagreements(a, b).size == 0
+
+
 @pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
 @pytest.mark.parametrize("away", [0.0, 1e3])
 def test_size_and_distance(scale, away):
@@ -192,6 +209,30 @@ def test_updated_points():
         scene.update_points(0, points)
     a, b = (scene.cast_rays(rays, attributes=ALL) for scene in (cpu, gpu))
     assert len(disagreements(a, b)) <= 1
+
+
+def test_updated_points_upload_their_mesh_alone():
+    gpu = lr.Scene(device="vulkan")
+    small, large = gpu.add_mesh(cage("torus")), gpu.add_mesh(cube(), isolation_level=5)
+    rays, tracer = float_rays(gpu, 20), gpu._scene._tracer
+    sizes = {mesh: sum(a.nbytes for k, a in gpu._scene.mesh_data(mesh).items() if k in GEOMETRIC)
+             for mesh in (small, large)}  # fmt: skip
+    assert sizes[large] > 5 * sizes[small]
+
+    def bytes_of_a_query():
+        before = tracer.uploaded
+        gpu.cast_rays(rays)
+        return tracer.uploaded - before
+
+    first, idle = bytes_of_a_query(), bytes_of_a_query()
+    assert first > sizes[small] + sizes[large]
+    assert idle < 20 * 24 + 200  # rays, limits, settings, counters
+    gpu.update_points(small, cage("torus").points * 1.1)
+    # Boxes lie with 192 of their 224 bytes; the tree over the two meshes and its records.
+    assert 0.8 * sizes[small] < bytes_of_a_query() - idle < sizes[small] + 1000
+    gpu.update_points(large, cube().points * 1.1)
+    assert 0.8 * sizes[large] < bytes_of_a_query() - idle < sizes[large] + 1000
+    assert bytes_of_a_query() == idle
 
 
 def test_an_empty_scene():

@@ -10,7 +10,12 @@ from shapes import REPOSITORY
 SOURCE = REPOSITORY / "src"
 MODULES = sorted((SOURCE / "limitray").rglob("*.slang"))
 TARGETS = ("spirv", "cuda", "metal", "hlsl", "wgsl")
-ENTRIES = (("hits", "three_lanes"), ("hits", "one_lane"), ("attributes", "attributes"))
+TRACERS = ("closest_hits", "any_hits", "camera_hits")
+ENTRIES = (
+    *((file, entry) for file in TRACERS for entry in ("three_lanes", "one_lane")),
+    ("attributes", "attributes"),
+    ("camera_attributes", "attributes"),
+)
 
 
 def compile_slang(*arguments):
@@ -51,6 +56,12 @@ def test_kernels_compile_for(target, file, entry):
     assert "error" not in said
 
 
+def test_entry_points_are_short():
+    files = sorted((SOURCE / "kernels").glob("*.cs.slang"))
+    assert [file.name.split(".")[0] for file in files] == sorted({file for file, _ in ENTRIES})
+    assert all(len(file.read_text().splitlines()) < 60 for file in files)
+
+
 def test_the_example_renderer_compiles():
     example = REPOSITORY / "examples/slang_renderer/facing.slang"
     said, code = compile_slang(
@@ -68,16 +79,17 @@ GPU_ONLY = {
         *("center", "left_handed", "instance_count", "use_newton"),
         *("vector_to_world", "point_to_world", "normal_to_world"),
     },
-    "bvh": {"begin", "climb", "is_pending", "nearest_behind", "next_leaf"},
+    "bvh": {"begin", "climb", "is_pending", "nearest_behind", "next_leaf", "entry_of"},
     "ray": {
+        *("axes_of", "axis_z_of"),
         *("is_finite", "pick", "lost_in_sum", "two_sum", "upper_half", "add_scaled", "inverse_of"),
     },
-    "root_patch": {"sum_abs"},
-    "domain": set(),
+    "root_patch": {"sum_abs", "corners", "keep_corners"},
+    "domain": {"interval_size", "make", "size_u", "size_v", "u0", "v0"},
     "newton": {"make", "times", "bound", "det", "beyond"},
-    "intersect_patch": {"make"},
-    "hit_attributes": {"load_patch", "scaled"},
-    "depth_cluster": {"make"},
+    "intersect_patch": {"make", "freeze_bumps", "bisect", "keep_flag", "kept_flag"},
+    "hit_attributes": {"load_patch", "scaled", "normal_at"},
+    "depth_cluster": {"make", "tell"},
     "gregory": set(),
 }
 
