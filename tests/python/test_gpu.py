@@ -1,5 +1,7 @@
 """GPU scenes: the same hits as the CPU, at any wave width."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from gpu_devices import ALL, FLOATS, IDS, disagreements, on_both, require_gpu, same_patch
@@ -121,6 +123,30 @@ def test_edge_on_patches():
     rays = np.array([[-1, y, z, 1, 0, 0] for y in (0.1, 0.5) for z in (0, 1e-3)], np.float32)
     a, b = (scene.cast_rays(rays, attributes=ALL) for scene in (cpu, gpu))
     np.testing.assert_array_equal(np.isfinite(a["t_hit"]), np.isfinite(b["t_hit"]))
+
+
+def test_a_start_between_two_grazing_hits_finds_the_second():
+    cpu, gpu = on_both(cage("torus"))
+    seen = cpu.cast_rays(rays_towards(cpu, 2000, 5, np.float64), attributes=("points", "dp_du"))
+    hit = np.isfinite(seen["t_hit"])
+    along = seen["dp_du"][hit]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    depth = 10 ** np.random.default_rng(6).uniform(-8, -5, (len(along), 1))
+    inside = seen["points"][hit] - depth * seen["primitive_normals"][hit]
+    rays = np.concatenate([inside - 2 * along, 2 * along], axis=1).astype(np.float32)
+    crossings = cpu.list_intersections(rays)
+    start, end = np.zeros(len(rays), np.float32), np.full(len(rays), np.inf)
+    for i, (low, high) in enumerate(pairwise(crossings["ray_splits"])):
+        t = crossings["t_hit"][low:high]
+        for near, far in zip(t, t[1:]):
+            middle = np.float32((near + far) / 2)
+            if near < middle < far < near + 0.02:
+                start[i], end[i] = middle, far
+    between = np.isfinite(end)
+    assert between.sum() > 500
+    for scene in (cpu, gpu):
+        found = scene.cast_rays(rays[between], start[between], attributes=("t_error",))
+        assert np.all(found["t_hit"] - found["t_error"] <= end[between] + 1e-6)
 
 
 @pytest.mark.parametrize("name", ["square", "torus"])

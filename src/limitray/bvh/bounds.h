@@ -12,7 +12,7 @@ inline namespace LIMITRAY_ISA {
 /// Rounding of what the box is made from: storage u R, two restrictions (math/bezier.h) 16 u R.
 /// Rounding of the slab test: the origin is in the extent, so a plane is at most D = 2 R from it;
 /// origin u R, subtraction u D, reciprocal 2 u D, product u D, together 9 u R. In all 26 u R; 48
-/// leaves room for the higher orders, for the padding itself, and for adding it.
+/// leaves room for the higher orders and for the padding itself.
 inline float box_padding(double radius) {
   return float(48 * double(unit_roundoff<float>) * radius * (1 + 1e-6));
 }
@@ -31,12 +31,13 @@ inline Box patch_bounds(const PatchNet<float>& net, const PatchBump<float>* bump
         const Restriction<float> rv = restriction(0.25f * float(j), 0.25f * float(j + 1));
         const Net<float> n = restrict_v(rows, rv);
         hi = i + j == 0 ? n : max(hi, n);
-        lo = i + j == 0 ? n : min(lo, n);
+        lo = i + j == 0 ? -1.0f * n : max(lo, -1.0f * n);
       }
     }
     const float reach = padding + (bump ? bump_reach<float>(load_quad(bump->c[axis])) : 0.0f);
-    box.hi[axis] = max_value(hi) + reach;
-    box.lo[axis] = min_value(lo) - reach;
+    const float infinity = std::numeric_limits<float>::infinity();
+    box.hi[axis] = std::nextafter(max_value(hi) + reach, infinity);
+    box.lo[axis] = std::nextafter(-max_value(lo) - reach, -infinity);
   }
   return box;
 }

@@ -143,10 +143,6 @@ template <class T>
 Net<T> max(const Net<T>& a, const Net<T>& b) {
   return map<T>([](auto x, auto y) { return max(x, y); }, a, b);
 }
-template <class T>
-Net<T> min(const Net<T>& a, const Net<T>& b) {
-  return map<T>([](auto x, auto y) { return min(x, y); }, a, b);
-}
 
 /// Whether no lane of a compare's result is set; `parts` are the vectors of one Net.
 template <class T, class M>
