@@ -138,7 +138,7 @@ def test_a_start_between_two_grazing_hits_finds_the_second():
     start, end = np.zeros(len(rays), np.float32), np.full(len(rays), np.inf)
     for i, (low, high) in enumerate(pairwise(crossings["ray_splits"])):
         t = crossings["t_hit"][low:high]
-        for near, far in zip(t, t[1:]):
+        for near, far in pairwise(t):
             middle = np.float32((near + far) / 2)
             if near < middle < far < near + 0.02:
                 start[i], end[i] = middle, far
