@@ -178,8 +178,7 @@ struct Scene::State {
 Scene::Scene(int threads) {
   if (threads < 0 || threads > most_threads)
     throw std::invalid_argument("threads: must be 0 (all cores) to " +
-                                std::to_string(most_threads) + ", got " +
-                                std::to_string(threads));
+                                std::to_string(most_threads) + ", got " + std::to_string(threads));
   kernels();  // reports a wrong LIMITRAY_ISA early
   state_ = std::make_unique<State>(threads);
 }
@@ -210,8 +209,7 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
     // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
     const PatchBuffer<float> in_order = round_patches<float>(patches);
     stop();
-    g->bvh =
-        build_bvh(boxes_of(in_order), [progress] { return progress && progress->cancel; });
+    g->bvh = build_bvh(boxes_of(in_order), [progress] { return progress && progress->cancel; });
     stop();
     g->patches = patches_to_trace<float>(patches, g->bvh.order);
     stop();
