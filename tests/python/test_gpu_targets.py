@@ -85,7 +85,7 @@ GPU_ONLY = {
         *("is_finite", "pick", "lost_in_sum", "two_sum", "upper_half", "add_scaled", "inverse_of"),
     },
     "root_patch": {"sum_abs", "corners", "keep_corners"},
-    "domain": {"interval_size", "make", "size_u", "size_v", "u0", "v0"},
+    "domain": {"interval_size", "make", "splits_u", "size_u", "size_v", "u0", "v0"},
     "newton": {"make", "times", "bound", "det", "beyond"},
     "intersect_patch": {"make", "freeze_bumps", "bisect", "keep_flag", "kept_flag"},
     "hit_attributes": {"load_patch", "scaled", "normal_at"},

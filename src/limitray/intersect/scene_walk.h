@@ -59,6 +59,7 @@ class SceneWalk {
   void begin(const SceneView<T>& scene, const ObjectRay& r, const PatchRay<T>& first) {
     ray = r, tfar = r.tfar;
     best = {};
+    frame = first;
     has_tree_ = scene.instances.size() != 1;
     if (has_tree_) {
       below_.end();
@@ -67,7 +68,6 @@ class SceneWalk {
       world_boxes_ = make_box_ray(world_);
       above_.begin();
     } else {
-      frame = first;
       enter(scene, 0);
     }
   }
