@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "limitray/cage/obj.h"
+#include "limitray/patches/gregory_error.h"
 #include "limitray/patches/refine.h"
 #include "limitray_tracer.h"
 #include "machine.h"
@@ -196,9 +197,12 @@ void add_rows(Comparison& result, std::vector<Row> rows, bool first_batch, std::
 
 }  // namespace
 
-Comparison compare(const Options& options, const Report& report) {
+Comparison compare(const Options& given, const Report& report) {
   Comparison result;
-  const ControlCage cage = read_obj(options.model);
+  const ControlCage cage = read_obj(given.model);
+  Options options = given;
+  if (options.tolerance > 0)
+    options.isolation_level = choose_level(cage, options.tolerance, 10).isolation_level;
   result.faces = cage.face_count();
   tbb::task_arena arena(options.threads ? options.threads : int(tbb::task_arena::automatic));
   result.threads = arena.max_concurrency();

@@ -14,6 +14,8 @@ Traces the same rays with limitray and with Embree, and says how fast and how ex
   MODEL                 cage: a Wavefront OBJ file (with `t` tags)
   --threads N           threads, 0 for all cores (default 0)
   --isolation-level L   how deep limitray isolates irregular features, 1 to 10 (default 4)
+  --tolerance T         instead: the lowest level at which patches are within T of the limit,
+                        relative to the longest side of the cage's box
   --rays N              rays a set, such as 1e6 (default 1e6)
   --rounds N            interleaved repetitions, of which the median counts (default 7)
   --tracers A,B,..      what limitray is compared with: embree-subdivision-N (tessellation
@@ -47,10 +49,20 @@ std::vector<std::string> split_at_commas(const std::string& text) {
   return parts;
 }
 
+/// A number above 0.
+double parse_positive(const std::string& name, const std::string& text) {
+  std::istringstream in(text);
+  double x = 0;
+  if (!(in >> x) || !in.eof() || !(x > 0))
+    throw std::invalid_argument(name + ": must be a number above 0, got \"" + text + "\"");
+  return x;
+}
+
 }  // namespace
 
 Options parse_options(const std::vector<std::string>& arguments) {
   Options o;
+  bool has_level = false;
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     const std::string& name = arguments[i];
     const auto value = [&]() -> const std::string& {
@@ -63,6 +75,9 @@ Options parse_options(const std::vector<std::string>& arguments) {
       o.threads = int(parse_count(name, value(), 0, 4096));
     } else if (name == "--isolation-level") {
       o.isolation_level = int(parse_count(name, value(), 1, 10));
+      has_level = true;
+    } else if (name == "--tolerance") {
+      o.tolerance = parse_positive(name, value());
     } else if (name == "--rays") {
       o.rays = std::size_t(parse_count(name, value(), 1, 1e9));
     } else if (name == "--rounds") {
@@ -79,6 +94,8 @@ Options parse_options(const std::vector<std::string>& arguments) {
       o.model = name;
     }
   }
+  if (has_level && o.tolerance > 0)
+    throw std::invalid_argument("--isolation-level and --tolerance: exclude each other");
   if (o.model.empty() && !o.help) throw std::invalid_argument("MODEL: is missing");
   return o;
 }

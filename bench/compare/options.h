@@ -11,6 +11,7 @@ struct Options {
   std::string model;
   int threads = 0;  // 0: all cores
   int isolation_level = 4;
+  double tolerance = 0;  // chooses the level if above 0
   std::size_t rays = 1000000;
   int rounds = 7;
   std::string json;  // file to write, empty for none

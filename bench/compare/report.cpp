@@ -72,7 +72,7 @@ void write_json(std::ostream& out, const Comparison& c, const Options& o,
   json.value("command", command);
   json.value("model", o.model);
   json.value("faces", c.faces);
-  json.value("isolation_level", o.isolation_level);
+  json.value("isolation_level", c.mesh.isolation_level);
   json.value("patches", c.mesh.patches);
   json.value("gregory_patches", c.mesh.gregory_patches);
   json.value("update_points_s", c.build_times.update.wall);

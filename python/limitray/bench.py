@@ -19,12 +19,13 @@ from rich.table import Table
 
 from limitray import _core, cli_output
 from limitray.bench_device import measure_device, print_device_report
-from limitray.cli_options import PrimOption, check_device
+from limitray.cli_options import PrimOption, ToleranceOption, check_device, check_level
 from limitray.mesh import Mesh
 from limitray.obj import write_obj
 
 Report = dict[str, Any]
 TABLE_WIDTH = 124
+DEFAULT_LEVEL = 4
 COLUMNS = (
     "tracer",
     "Mray/s",
@@ -54,8 +55,10 @@ def bench_command(
     prim: PrimOption = None,
     threads: Annotated[int, typer.Option(min=0, max=4096, help="Threads; 0 takes all cores.")] = 0,
     isolation_level: Annotated[
-        int, typer.Option(min=1, max=10, help="How deep irregular features are isolated.")
-    ] = 4,
+        int | None,
+        typer.Option(min=1, max=10, help="How deep irregular features are isolated.  [default: 4]"),
+    ] = None,
+    tolerance: ToleranceOption = None,
     rays: Annotated[
         Any, typer.Option(metavar="N", parser=_parse_count, help="Rays of each kind.")
     ] = "1e6",
@@ -105,6 +108,9 @@ def bench_command(
                 f'"{plot_file}" does not end in .png, .svg or .pdf', param_hint="--plot"
             )
         _import_matplotlib()
+    check_level(isolation_level, tolerance)
+    if isolation_level is None and tolerance is None:
+        isolation_level = DEFAULT_LEVEL
     check_device(device)
     if device != "cpu" and (tracers or plot_file is not None):
         raise typer.BadParameter("are for --device cpu", param_hint="--tracers and --plot")
@@ -112,12 +118,15 @@ def bench_command(
         if file is not None:
             cli_output.check_writable(file)
     if device != "cpu":
-        figures = measure_device(model, device, rays, rounds, threads, isolation_level)
+        figures = measure_device(model, device, rays, rounds, threads, isolation_level, tolerance)
         if json_file is not None:
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
         print_device_report(figures)
         return
-    options = ["--threads", str(threads), "--isolation-level", str(isolation_level)]
+    precise = (
+        ("--isolation-level", isolation_level) if tolerance is None else ("--tolerance", tolerance)
+    )
+    options = ["--threads", str(threads), *map(str, precise)]
     options += ["--rays", str(rays), "--rounds", str(rounds)]
     options += ["--tracers", tracers] if tracers else []
     report = measure(model, options, prim)

@@ -27,7 +27,13 @@ CPU = "CPU"
 
 
 def measure_device(
-    model: Path, device: str, rays: int, rounds: int, threads: int, isolation_level: int
+    model: Path,
+    device: str,
+    rays: int,
+    rounds: int,
+    threads: int,
+    isolation_level: int | None,
+    tolerance: float | None = None,
 ) -> Report:
     """Traces the same rays on the CPU and on a GPU, in turns; medians of `rounds`.
 
@@ -35,7 +41,13 @@ def measure_device(
     leave what these hit. Hits are compared before anything is timed.
     """
     cpu, gpu = (
-        load_model(model, isolation_level=isolation_level, threads=threads, device=name)
+        load_model(
+            model,
+            isolation_level=isolation_level,
+            tolerance=tolerance,
+            threads=threads,
+            device=name,
+        )
         for name in ("cpu", device)
     )
     camera = Camera.frame(cpu, aspect=1)

@@ -54,6 +54,16 @@ def test_one_mesh_of_a_stage(tmp_path):
     assert report["faces"] == 6
 
 
+def test_tolerance_chooses_the_level(tmp_path):
+    cage = str(REPOSITORY / "tests/cages/pole_8.obj")
+    levels = []
+    for tolerance in ("1e-2", "1e-5"):
+        choice = ["--tolerance", tolerance, "--tracers", "limitray"]
+        assert main(["bench", cage, *SHORT[:-2], *choice, "--json", "pole.json"]) == 0
+        levels.append(json.loads((tmp_path / "pole.json").read_text())["isolation_level"])
+    assert levels[0] < levels[1]
+
+
 def test_a_plot_is_written(tmp_path):
     pytest.importorskip("matplotlib")
     peers = ["--tracers", "embree-triangles-4"]
