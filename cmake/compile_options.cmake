@@ -25,6 +25,10 @@ function(limitray_compile_options target)
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
       target_compile_options(${target} PRIVATE -Wno-restrict)  # false alarms on std::string + "..."
     endif()
+    if(CMAKE_CXX_COMPILER_ID MATCHES "Clang" AND CMAKE_CXX_COMPILER_VERSION VERSION_GREATER_EQUAL 14)
+      # Masks of one ray and of many are combined by the same operators.
+      target_compile_options(${target} PRIVATE -Wno-bitwise-instead-of-logical)
+    endif()
   endif()
   if(LIMITRAY_WERROR)
     target_compile_options(${target} PRIVATE -Werror)

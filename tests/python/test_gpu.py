@@ -59,7 +59,7 @@ def test_hits_are_those_of_the_cpu(path):
 @pytest.mark.parametrize("name", ["cube", "prism_5", "cube_semi_2_5", "torus_creases"])
 def test_attributes_are_those_of_the_cpu(name):
     cpu, gpu = on_both(cage(name))
-    rays = float_rays(cpu, 2000)
+    rays = float_rays(cpu, 3000)
     a, b = (scene.cast_rays(rays, attributes=ALL) for scene in (cpu, gpu))
     same = same_patch(a, b)
     size, _ = extent(cpu)
