@@ -73,7 +73,9 @@ def test_attributes_are_those_of_the_cpu(name):
         scale = size if name in ("points", "dp_du", "dp_dv") else 1
         assert np.abs(a[name] - b[name])[clear].max() < 1e-4 * scale, name
         assert np.median(np.abs(a[name] - b[name])[clear]) < 2e-6 * scale, name
-    assert (b["t_error"] <= 2 * a["t_error"])[same].mean() > 0.99
+    # Boxes of grazing hits differ: the CPU splits the longer direction, the GPU u and v in turn.
+    assert (b["t_error"] <= 2 * a["t_error"])[same].mean() > 0.97
+    assert np.median(b["t_error"][same] / a["t_error"][same]) < 1.25
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 5, 6, 17, 63, 64, 65, 1000])
