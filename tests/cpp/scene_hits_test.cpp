@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "../support/cast.h"
 #include "../support/random_patches.h"
@@ -122,15 +123,24 @@ TEST_P(SceneHitsTest, HitsLieOnRayAndLimitSurface) {
 }
 
 TEST_P(SceneHitsTest, FloatAgreesWithDouble) {
-  const Rays<float> rays = aimed_rays<float>(2000);
+  Rays<float> rays;
   Rays<double> exact;
-  for (std::size_t i = 0; i < rays.size(); ++i) exact.add(rays.org(i), rays.dir(i));
+  std::vector<bool> is_smooth;  // no sharp edge that the ray may pass within the bounds
+  for (int i = 0; i < (is_model ? 500 : 2000); ++i) {
+    const Target target = inner_target(i);
+    rays.aim(center + 4 * radius * test::random_direction(generator), target.point);
+    exact.add(rays.org(std::size_t(i)), rays.dir(std::size_t(i)));
+    is_smooth.push_back(target.smooth);
+  }
   const Hits<float> f = cast(scene, rays);
   const Hits<double> d = cast(scene, exact);
+  int grazed = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     // Float never passes what double meets; it may report what the ray passes within its eps.
     ASSERT_TRUE(!d.hit(i) || f.t[i] - f.t_error[i] <= d.t[i] + d.t_error[i]) << i;
+    grazed += is_smooth[i] && f.hit(i) && !(f.t[i] + f.t_error[i] >= d.t[i] - d.t_error[i]);
   }
+  EXPECT_LE(grazed, 3);
 }
 
 // Points inside a patch: both find the same face, but where a silhouette is near.

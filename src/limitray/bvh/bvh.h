@@ -70,10 +70,10 @@ BoxRay make_box_ray(const PatchRay<T>& r) {
 /// The same for all children of a node at once.
 struct BoxRays {
   Simd<float, 8> org[3], inv[3];
+
   explicit BoxRays(const BoxRay& r) {
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; ++i)
       org[i] = Simd<float, 8>{} + r.org[i], inv[i] = Simd<float, 8>{} + r.inv[i];
-    }
   }
 };
 

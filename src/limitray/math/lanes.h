@@ -93,7 +93,7 @@ int count(M mask) {
   return std::popcount(bits_of(mask));
 }
 
-/// The same number of rays as two registers of doubles.
+/// Half of these rays: as many doubles as a register holds.
 using HalfLanes = Simd<double, lane_count / 2>;
 
 inline Lanes load_lanes(const float* p) {
