@@ -9,10 +9,10 @@ inline namespace LIMITRAY_ISA {
 
 /// How much boxes are padded for a mesh whose control values are at most `radius`.
 ///
-/// Rounding of what the box is made from: storage u R, two restrictions (docs/accuracy.md, section 2) 14 u R.
-/// Rounding of the slab test: the origin is in the extent, so a plane is at most D = 2 R from it;
-/// origin u R, subtraction u D, reciprocal 2 u D, product u D, together 9 u R. In all 24 u R; 48
-/// leaves room for the higher orders and for the padding itself.
+/// Rounding of what the box is made from: storage u R, two restrictions (docs/accuracy.md, section
+/// 2) 14 u R. Rounding of the slab test: the origin is in the extent, so a plane is at most D = 2 R
+/// from it; origin u R, subtraction u D, reciprocal 2 u D, product u D, together 9 u R. In all 24 u
+/// R; 48 leaves room for the higher orders and for the padding itself.
 inline float box_padding(double radius) {
   return float(48 * double(unit_roundoff<float>) * radius * (1 + 1e-6));
 }
