@@ -94,6 +94,7 @@ def test_any_array_is_taken_or_refused_by_a_mesh(name, values):
 @example(np.full((5, 6), np.nan), True)
 @example(np.full((5, 6), np.inf), False)
 @example(np.tile([0, 0, 1e300, 0, 0, -1e-300], (5, 1)), True)
+@example(np.full((5, 6), 1.4e-45), True)
 def test_any_numbers_are_rays(rays, in_float):
     mesh = cage("cube_semi_2_5")
     scene = scene_of(mesh, isolation_level=2)

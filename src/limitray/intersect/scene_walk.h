@@ -106,7 +106,8 @@ class SceneWalk {
   template <class OnHit>
   bool report(const PatchRoot<T>& root, OnHit&& on_hit) {
     const double t = double(T(frame.t_of(root.z)));  // as it will be reported
-    if (!(t > ray.tnear && t <= tfar)) return false;
+    // A direction so short that t is beyond T's range meets nothing that could be told.
+    if (!(t > ray.tnear && t <= tfar && std::isfinite(t))) return false;
     const bool ended =
         on_hit(LeafHit<T>{t, instance_, leaf, root.u, root.v, double(root.spread) * frame.t_scale});
     zmax = std::min(zmax, frame.z_above(tfar));  // only what is nearer from now on
