@@ -151,7 +151,7 @@ struct Scene::State {
       const std::vector<GeometryView<T>> views = geometry_views<T>();
       const SceneView<T> view{views, instances, top.nodes.empty() ? nullptr : top.nodes.data(),
                               extent_of(top.bounds, origin, radius), use_newton};
-      const std::size_t grain = std::is_same_v<T, float> ? 512 : 128;
+      const std::size_t grain = std::is_same_v<T, float> ? 131072 : 128;
       tbb::parallel_for(
           tbb::blocked_range<std::size_t>(0, n, grain),
           [&](const auto& range) {

@@ -51,55 +51,61 @@ static_assert(sizeof(BvhNode) == 224);
 
 inline namespace LIMITRAY_ISA {
 
-/// A ray for the slab test, in the units of PatchRay's z.
-struct BoxRay {
-  float org[3], inv[3];
+/// A ray for the slab test, in the units of PatchRay's z: the plane at x is met at x inv - org_inv.
+struct alignas(32) BoxRay {
+  float inv[3], org_inv[3];
+  float zmin, zmax;
+
+  /// One bit an axis along which the ray goes down.
+  unsigned signs() const { return (inv[0] < 0) | (inv[1] < 0) << 1 | (inv[2] < 0) << 2; }
 };
+
+/// Bound on |inv|: a direction that is (almost) zero along an axis must not make inf - inf. Planes
+/// are at least the padding of 48 u R from what they bound, so that such a ray stays between them
+/// over 1e6 R and more.
+inline constexpr float most_inverse = 1e12f;
 
 /// `r` must come from make_patch_ray for the space that the boxes live in.
 template <class T>
 BoxRay make_box_ray(const PatchRay<T>& r) {
-  // A zero component must not make 0 * inf: its planes are then at +-huge, or at 0 on the border,
-  // which is padding only.
-  const float huge = std::numeric_limits<float>::max();
-  const Quad<float> dir{float(r.dir[0]), float(r.dir[1]), float(r.dir[2]), 1};
-  const Quad<float> inverse = min(max(1 / dir, Quad<float>{} - huge), Quad<float>{} + huge);
-  return {{float(r.org[0]), float(r.org[1]), float(r.org[2])},
-          {inverse[0], inverse[1], inverse[2]}};
+  BoxRay b;
+  for (int i = 0; i < 3; ++i) {
+    b.inv[i] = std::min(std::max(1 / float(r.dir[i]), -most_inverse), most_inverse);
+    b.org_inv[i] = float(r.org[i]) * b.inv[i];
+  }
+  b.zmin = -float_up(-r.zmin), b.zmax = float_up(r.zmax);
+  return b;
 }
-/// The same for all children of a node at once.
-struct BoxRays {
-  Simd<float, 8> org[3], inv[3];
 
-  explicit BoxRays(const BoxRay& r) {
-    for (int i = 0; i < 3; ++i)
-      org[i] = Simd<float, 8>{} + r.org[i], inv[i] = Simd<float, 8>{} + r.inv[i];
+/// A node's planes in the order in which rays of the same signs meet them.
+struct NodePlanes {
+  Simd<float, 8> first[3], last[3];
+
+  NodePlanes(const BvhNode& n, unsigned signs) {
+    for (int i = 0; i < 3; ++i) {
+      const bool down = signs >> i & 1;
+      first[i] = load_eight(down ? n.hi[i] : n.lo[i]), last[i] = load_eight(down ? n.lo[i] : n.hi[i]);
+    }
   }
 };
-
-inline Simd<float, 8> load8(const float* p) {
-  Simd<float, 8> v;
-  std::memcpy(&v, p, sizeof(v));
-  return v;
-}
-/// One bit a child that the ray may meet between zmin and zmax; `entry` gets where it enters.
-inline unsigned intersect_boxes(const BvhNode& n, const BoxRays& r, float zmin, float zmax,
-                                Simd<float, 8>& entry) {
+/// One bit a child that the ray may meet before zmax; `entry` gets where it enters.
+[[gnu::always_inline]] inline unsigned intersect_boxes(const NodePlanes& n, const BoxRay& r,
+                                                       float zmax, Simd<float, 8>& entry) {
   using V = Simd<float, 8>;
-  V lo[3], hi[3];
+  const V none{};
+  V in[3], out[3];
   for (int i = 0; i < 3; ++i) {
-    const V a = (load8(n.lo[i]) - r.org[i]) * r.inv[i], b = (load8(n.hi[i]) - r.org[i]) * r.inv[i];
-    lo[i] = min(a, b), hi[i] = max(a, b);
+    in[i] = n.first[i] * r.inv[i] - (r.org_inv[i] - none);
+    out[i] = n.last[i] * r.inv[i] - (r.org_inv[i] - none);
   }
-  const V near = max(max(lo[0], lo[1]), max(lo[2], V(V{} + zmin)));
-  const V far = min(min(hi[0], hi[1]), min(hi[2], V(V{} + zmax)));
-  entry = near;
+  entry = max(max(in[0], in[1]), max(in[2], V(r.zmin - none)));
+  const V exit = min(min(out[0], out[1]), min(out[2], V(zmax - none)));
 #if defined(LIMITRAY_AVX512)
-  return _mm256_cmp_ps_mask(__m256(near), __m256(far), _CMP_LE_OQ);
+  return _mm256_cmp_ps_mask(__m256(entry), __m256(exit), _CMP_LE_OQ);
 #elif defined(LIMITRAY_AVX2)
-  return unsigned(_mm256_movemask_ps(_mm256_cmp_ps(__m256(near), __m256(far), _CMP_LE_OQ)));
+  return unsigned(_mm256_movemask_ps(_mm256_cmp_ps(__m256(entry), __m256(exit), _CMP_LE_OQ)));
 #else
-  const auto mask = near <= far;
+  const auto mask = entry <= exit;
   unsigned bits = 0;
   for (int i = 0; i < 8; ++i) bits |= unsigned(mask[i] != 0) << i;
   return bits;
@@ -147,10 +153,10 @@ inline constexpr std::uint32_t no_item = leaf_flag;
 /// prefetch(child) is called early for what is likely next. Counts nodes.
 template <class Prefetch>
 [[gnu::always_inline]] inline std::uint32_t next_item(const BvhNode* nodes, const BoxRay& ray,
-                                                      float zmin, float zmax, BvhWalk& walk,
+                                                      float zmax, BvhWalk& walk,
                                                       Prefetch&& prefetch,
                                                       std::uint64_t& node_visits) {
-  const BoxRays rays(ray);
+  const unsigned signs = ray.signs();
   int size = walk.size;
   while (size > 0) {
     const BvhEntry e = walk.stack[--size];
@@ -160,7 +166,7 @@ template <class Prefetch>
       ++node_visits;
       const BvhNode& node = nodes[current];
       Simd<float, 8> entry;
-      const unsigned hits = intersect_boxes(node, rays, zmin, zmax, entry);
+      const unsigned hits = intersect_boxes(NodePlanes(node, signs), ray, zmax, entry);
       if (!hits) break;
       prefetch(node.child[std::countr_zero(hits)]);
       current = push_farther(node, hits, entry, walk.stack, size);

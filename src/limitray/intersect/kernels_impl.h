@@ -11,15 +11,6 @@
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
-template <class T>
-ObjectRay load_ray(const RayBatch<T>& b, std::size_t i) {
-  const T* r = b.rays.data() + 6 * i;
-  return {{double(r[0]), double(r[1]), double(r[2])},
-          {double(r[3]), double(r[4]), double(r[5])},
-          double(b.tnear[b.tnear.size() == 1 ? 0 : i]),
-          double(b.tfar[b.tfar.size() == 1 ? 0 : i])};
-}
-
 inline void add_counts(Statistics& s, const PatchCounters& c, std::size_t rays) {
   s.rays += rays;
   s.patch_tests += c.patch_tests;
@@ -31,42 +22,43 @@ inline void add_counts(Statistics& s, const PatchCounters& c, std::size_t rays) 
   s.unresolved += c.unresolved;
 }
 
-/// Meets a ray with everything in the scene, one patch after the other. on_hit(walk, LeafHit) as in
-/// SceneWalk::report.
-template <class T, bool use_newton, class OnHit>
-void trace_ray(const SceneView<T>& scene, SceneWalk<T>& walk, OnHit&& on_hit, PatchCounters& count,
-               Statistics& stats) {
+/// Meets a ray with everything in the scene, one patch after the other. on_hit(LeafHit) as in
+/// RayQuery::report.
+template <bool use_newton, class T, class OnHit>
+void trace_walk(const SceneView<T>& scene, SceneWalk<T>& walk, OnHit&& on_hit, PatchCounters& count,
+                Statistics& stats) {
   count.before_ray = count.splits;
-  const auto hit = [&](const LeafHit<T>& h) { return on_hit(walk, h); };
   while (walk.next_patch(scene, stats.node_visits))
-    if (walk.template meet_patch<use_newton>(hit, count)) return;
+    if (walk.template meet_patch<use_newton>(on_hit, count)) return;
+}
+/// The same from a ray of the scene on.
+template <class T, class OnHit>
+void trace_ray(const SceneView<T>& scene, const ObjectRay& ray, SceneWalk<T>& walk, OnHit&& on_hit,
+               PatchCounters& count, Statistics& stats) {
+  if (!walk.begin(scene, ray)) return;
+  if (scene.use_newton)
+    trace_walk<true>(scene, walk, on_hit, count, stats);
+  else
+    trace_walk<false>(scene, walk, on_hit, count, stats);
 }
 
-/// Traces rays begin..end of a batch: float rays side by side, others one by one. on_end(i, ray,
-/// SceneWalk::best) is called once for each ray.
+/// Traces rays begin..end of a batch: float rays side by side, others one by one. on_hit(RayQuery,
+/// LeafHit) as in RayQuery::report; on_end(i, RayQuery::best) is called once for each ray.
 template <class T, class OnHit, class OnEnd>
 void trace(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin, std::size_t end,
            OnHit&& on_hit, OnEnd&& on_end, Statistics& stats) {
   PatchCounters count;
-  const auto load = [&](std::size_t i) { return load_ray(rays, i); };
   if constexpr (std::is_same_v<T, float>) {
     if (scene.use_newton) {
-      RayStream(scene, load, on_hit, on_end, count, stats.node_visits).trace(begin, end);
+      RayStream(scene, rays, on_hit, on_end, count, stats.node_visits).trace(begin, end);
       return add_counts(stats, count, end - begin);
     }
   }
   SceneWalk<T> walk;
+  const auto hit = [&](const LeafHit<T>& h) { return on_hit(walk.query, h); };
   for (std::size_t i = begin; i < end; ++i) {
-    const ObjectRay ray = load(i);
-    if (!walk.begin(scene, ray)) {
-      on_end(i, ray, LeafHit<T>{});
-      continue;
-    }
-    if (scene.use_newton)
-      trace_ray<T, true>(scene, walk, on_hit, count, stats);
-    else
-      trace_ray<T, false>(scene, walk, on_hit, count, stats);
-    on_end(i, ray, walk.best);
+    trace_ray(scene, load_ray(rays, i), walk, hit, count, stats);
+    on_end(i, walk.query.best);
   }
   add_counts(stats, count, end - begin);
 }
@@ -98,7 +90,7 @@ inline Vec3d normal_to_world(const InstanceView& in, const Vec3d& n) {
 
 /// Everything about a hit that is asked for.
 template <class T>
-void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay& ray,
+void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const RayBatch<T>& rays,
                const HitArrays<T>& h, std::size_t i) {
   const InstanceView& in = scene.instances[hit.instance];
   const GeometryView<T>& g = scene.geometries[in.geometry];
@@ -128,6 +120,7 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const ObjectRay
   }
   if (h.t_error) {
     PatchRay<T> r{};
+    const ObjectRay ray = load_ray(rays, i);
     ObjectRay local = ray;
     if (!in.identity)
       local.org = in.to_object.point(ray.org), local.dir = in.to_object.vector(ray.dir);
@@ -144,16 +137,16 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t beg
              const HitArrays<T>& hits, Statistics& stats) {
   trace<T>(
       scene, rays, begin, end,
-      [](SceneWalk<T>& walk, const LeafHit<T>& h) {
-        walk.best.merge(h);
-        walk.tfar = std::min(walk.ray.tfar, walk.best.t + walk.best.spread);
+      [](RayQuery<T>& q, const LeafHit<T>& h) {
+        q.best.merge(h);
+        q.reach = std::min(q.tfar, q.best.t + q.best.spread);
         return false;
       },
-      [&](std::size_t i, const ObjectRay& ray, const LeafHit<T>& best) {
+      [&](std::size_t i, const LeafHit<T>& best) {
         if (best.leaf == invalid_id)
           write_miss(hits, i);
         else
-          write_hit(scene, best, ray, hits, i);
+          write_hit(scene, best, rays, hits, i);
       },
       stats);
 }
@@ -163,11 +156,11 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t be
               std::size_t end, std::uint8_t* out, Statistics& stats) {
   trace<T>(
       scene, rays, begin, end,
-      [](SceneWalk<T>& walk, const LeafHit<T>& h) {
-        walk.best = h;
+      [](RayQuery<T>& q, const LeafHit<T>& h) {
+        q.best = h;
         return true;
       },
-      [&](std::size_t i, const ObjectRay&, const LeafHit<T>& best) {
+      [&](std::size_t i, const LeafHit<T>& best) {
         out[i] = best.leaf != invalid_id;
       },
       stats);
@@ -175,7 +168,8 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t be
 
 inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, std::size_t i,
                 std::vector<Intersection>& out, Statistics& stats) {
-  const auto add = [&](SceneWalk<double>& walk, const LeafHit<double>& h) {
+  SceneWalk<double> walk;
+  const auto add = [&](const LeafHit<double>& h) {
     const InstanceView& in = scene.instances[h.instance];
     const GeometryView<double>& g = walk.geometry();
     const PatchInfo& info = g.infos[h.leaf];
@@ -188,9 +182,9 @@ inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, st
                    info.face, info.sub_quad});
     return false;
   };
-  trace<double>(
-      scene, rays, i, i + 1, add, [](std::size_t, const ObjectRay&, const LeafHit<double>&) {},
-      stats);
+  PatchCounters count;
+  trace_ray(scene, load_ray(rays, i), walk, add, count, stats);
+  add_counts(stats, count, 1);
 }
 
 /// Meets a ray with one patch of a mesh; on_hit(root, t, zmax) returns true to end the search.

@@ -10,88 +10,129 @@
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
+/// The axis along which a ray's direction is longest, and the signs of the direction: rays of one
+/// kind share a register.
+struct RayKind {
+  static constexpr int count = 24;
+  int axis_z;
+  unsigned signs;  // one bit an axis along which the ray goes down
+
+  explicit RayKind(int number) : axis_z(number / 8), signs(unsigned(number) % 8) {}
+  int axis_x() const { return (axis_z + 1) % 3; }
+  int axis_y() const { return (axis_z + 2) % 3; }
+  float sign_z() const { return signs >> axis_z & 1 ? -1.0f : 1.0f; }
+};
+
+/// What the lanes read of a PatchRay; its kind is known.
+struct alignas(32) LaneRay {
+  float org_x, org_y, org_z, shear_x, shear_y, eps, zmin, zmax;
+};
+
 /// PatchRay's frame, one for each lane.
 struct LaneFrames {
-  Lanes org_x, org_y, org_z, shear_x, shear_y, sign_z, eps, eps_z;
-  LaneMask axis_z;
+  RayKind kind;
+  float sign_z;
+  Lanes org_x, org_y, org_z, shear_x, shear_y, zmin, zmax, eps, eps_z;
 
-  void set(int lane, const PatchRay<float>& r) {
-    org_x[lane] = r.org_x, org_y[lane] = r.org_y, org_z[lane] = r.org_z;
-    shear_x[lane] = r.shear_x, shear_y[lane] = r.shear_y, sign_z[lane] = r.sign_z;
-    eps[lane] = r.eps, eps_z[lane] = r.eps_z;
-    axis_z[lane] = r.axis_z;
+  LaneFrames(RayKind all, const LaneRay* const (&rays)[lane_count])
+      : kind(all), sign_z(all.sign_z()) {
+    const float* rows[lane_count];
+    for (int j = 0; j < lane_count; ++j) rows[j] = &rays[j]->org_x;
+    Lanes m[8];
+    load_by_lane(rows, m);
+    org_x = m[0], org_y = m[1], org_z = m[2], shear_x = m[3], shear_y = m[4];
+    eps = eps_z = m[5];  // eps_z is no larger
+    zmin = m[6], zmax = m[7];
   }
 };
+
+/// Values of the lanes' patches, lane by lane; `same` if all are one patch.
+inline void load_values(const float* const (&rows)[lane_count], bool same, Lanes (&out)[16]) {
+  if (!same) return load_by_lane(rows, out);
+  for (int i = 0; i < 16; ++i) out[i] = rows[0][i] - Lanes{};
+}
 
 /// The models of the lanes' patches in their frames, and their curvatures.
 struct LaneModels {
   ProjectedModel<Lanes> projected;
   Lanes curvature;
 };
-inline LaneModels project(const PatchModel<float>* const (&models)[lane_count],
+inline LaneModels project(const PatchModel<float>* const (&models)[lane_count], bool same,
                           const LaneFrames& frames) {
   const float* rows[lane_count];
   for (int j = 0; j < lane_count; ++j) rows[j] = &models[j]->axis[0].p;
   Lanes m[16];
-  load_by_lane(rows, m);
-  struct Axis {
-    Lanes p, p_u, p_v, d_u, d_v;
+  load_values(rows, same, m);
+  const auto axis = [&](int a) {
+    // Two HalfBounds: the low half and the high half of a word.
+    const LaneBits d = LaneBits(m[4 * a + 3]);
+    return ModelAxis<Lanes>{m[4 * a], m[4 * a + 1], m[4 * a + 2], Lanes(d << 16),
+                            Lanes(d & 0xFFFF0000u)};
   };
-  // Components in the order of each ray's axes.
-  const LaneMask z_is_0 = frames.axis_z == 0, z_is_1 = frames.axis_z == 1;
-  const auto axis = [&](int if_0, int if_1, int if_2) {
-    const auto pick = [&](int k) {
-      return select(z_is_0, m[5 * if_0 + k], select(z_is_1, m[5 * if_1 + k], m[5 * if_2 + k]));
-    };
-    return Axis{pick(0), pick(1), pick(2), pick(3), pick(4)};
-  };
-  return {project(axis(1, 2, 0), axis(2, 0, 1), axis(0, 1, 2), frames), m[15]};
+  const RayKind& k = frames.kind;
+  return {project(axis(k.axis_x()), axis(k.axis_y()), axis(k.axis_z), m[12], m[13], frames), m[15]};
 }
 
+/// Control values in each lane.
+struct LaneNet {
+  Lanes x[16], y[16], z[16];
+};
 /// A patch in each lane, in the frame of its ray. The bumps are zero for Bezier patches, and say
 /// nothing if there is no other.
-struct LanePatch {
-  Lanes x[16], y[16], z[16];
+struct LanePatch : LaneNet {
   Lanes eps_x, eps_y;
   bool any_bump = false;
   Lanes bump_x[4], bump_y[4], bump_z[4];
 };
-inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count],
-                         const PatchRay<float>* const (&rays)[lane_count], const LaneFrames& frames,
-                         const ProjectedModel<Lanes>& m, LanePatch& p) {
+inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count], bool same,
+                         const LaneFrames& f, const ProjectedModel<Lanes>& m, LanePatch& p) {
   const float *x[lane_count], *y[lane_count], *z[lane_count];
   for (int j = 0; j < lane_count; ++j) {
-    x[j] = nets[j]->c[rays[j]->axis_x];
-    y[j] = nets[j]->c[rays[j]->axis_y];
-    z[j] = nets[j]->c[rays[j]->axis_z];
+    x[j] = nets[j]->c[f.kind.axis_x()];
+    y[j] = nets[j]->c[f.kind.axis_y()];
+    z[j] = nets[j]->c[f.kind.axis_z];
   }
-  load_by_lane(x, p.x);
-  load_by_lane(y, p.y);
-  load_by_lane(z, p.z);
+  load_values(x, same, p.x);
+  load_values(y, same, p.y);
+  load_values(z, same, p.z);
   for (int i = 0; i < 16; ++i) {
-    const Lanes depth = p.z[i] - frames.org_z;
-    p.x[i] = p.x[i] - frames.org_x + frames.shear_x * depth;
-    p.y[i] = p.y[i] - frames.org_y + frames.shear_y * depth;
-    p.z[i] = frames.sign_z * depth;
+    const Lanes depth = p.z[i] - f.org_z;
+    p.x[i] = p.x[i] - f.org_x + f.shear_x * depth;
+    p.y[i] = p.y[i] - f.org_y + f.shear_y * depth;
+    p.z[i] = f.sign_z * depth;
   }
   p.eps_x = m.eps_x, p.eps_y = m.eps_y;
 }
 /// The same for the bumps; null for a Bezier patch.
 inline void bumps_to_ray_frame(const PatchBump<float>* const (&bumps)[lane_count],
-                               const PatchRay<float>* const (&rays)[lane_count],
-                               const LaneFrames& frames, LanePatch& p) {
+                               const LaneFrames& f, LanePatch& p) {
   p.any_bump = true;
   for (int k = 0; k < 4; ++k) {
     alignas(Lanes) float x[lane_count], y[lane_count], z[lane_count];
     for (int j = 0; j < lane_count; ++j) {
       const auto at = [&](int axis) { return bumps[j] ? bumps[j]->c[axis][k] : 0.0f; };
-      x[j] = at(rays[j]->axis_x), y[j] = at(rays[j]->axis_y), z[j] = at(rays[j]->axis_z);
+      x[j] = at(f.kind.axis_x()), y[j] = at(f.kind.axis_y()), z[j] = at(f.kind.axis_z);
     }
     const Lanes depth = load_lanes(z);
-    p.bump_x[k] = load_lanes(x) + frames.shear_x * depth;
-    p.bump_y[k] = load_lanes(y) + frames.shear_y * depth;
-    p.bump_z[k] = frames.sign_z * depth;
+    p.bump_x[k] = load_lanes(x) + f.shear_x * depth;
+    p.bump_y[k] = load_lanes(y) + f.shear_y * depth;
+    p.bump_z[k] = f.sign_z * depth;
   }
+}
+/// S3: half of a net, by de Casteljau; `step` is 1 across u, 4 across v.
+inline void take_half(const Lanes (&n)[16], int step, bool high, Lanes (&out)[16]) {
+  for (int row = 0; row < 4; ++row) {
+    const auto at = [&](int k) { return row * (5 - step) + (high ? 3 - k : k) * step; };
+    const Lanes a = 0.5f * (n[at(0)] + n[at(1)]), b = 0.5f * (n[at(1)] + n[at(2)]);
+    const Lanes c = 0.5f * (n[at(2)] + n[at(3)]), d = 0.5f * (a + b), e = 0.5f * (b + c);
+    out[at(0)] = n[at(0)], out[at(1)] = a, out[at(2)] = d, out[at(3)] = 0.5f * (d + e);
+  }
+}
+/// Bit 0 of `quarter` is its half of u, bit 1 that of v.
+inline void take_quarter(const Lanes (&n)[16], int quarter, Lanes (&out)[16]) {
+  Lanes half[16];
+  take_half(n, 1, quarter & 1, half);
+  take_half(half, 4, quarter & 2, out);
 }
 inline Lanes sum_abs(const Lanes (&bump)[4]) {
   return abs(bump[0]) + abs(bump[1]) + abs(bump[2]) + abs(bump[3]);

@@ -166,6 +166,7 @@ struct ModelTest {
   using T = Element<V>;
   Contraction<V> k;
   V u, v;                   // the model's own root
+  V reach_u, reach_v;       // if decided, a hit is no farther from it
   MaskOf<V> decided, miss;  // `decided`: at most one hit, which newton_steps finds
 
   explicit ModelTest(const ProjectedModel<V>& m) : k(m.x_u, m.x_v, m.y_u, m.y_v, m.eps_x, m.eps_y) {
@@ -180,7 +181,7 @@ struct ModelTest {
     k.set(k_uu, k_uv, k_vu, k_vv);
     decided = k.one_to_one();
     // Krawczyk: every hit is in this box around the root of the model.
-    const V reach_u = T(0.5) * (k.uu + k.uv) + k.e_u, reach_v = T(0.5) * (k.vu + k.vv) + k.e_v;
+    reach_u = T(0.5) * (k.uu + k.uv) + k.e_u, reach_v = T(0.5) * (k.vu + k.vv) + k.e_v;
     miss = decided & ((u + reach_u < T(0)) | (u - reach_u > T(1)) | (v + reach_v < T(0)) |
                       (v - reach_v > T(1)));
   }

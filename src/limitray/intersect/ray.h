@@ -39,8 +39,20 @@ V outward(V t, double side, V t_origin, V z_scale) {
   return min(max(V(z + side * rounding), V(-limit)), limit);
 }
 
+/// Depth along a ray in its frame, and t.
 template <class T>
-struct PatchRay {
+struct RayDepth {
+  double t_origin, t_scale, z_scale;  // t = t_origin + z t_scale, z = (t - t_origin) z_scale
+  T eps_z;                            // bound on the rounding of z of a stored control value
+
+  double t_of(double z) const { return t_origin + z * t_scale; }
+  /// z at t, moved outward by the rounding on the way, that of t itself to T included.
+  T z_above(double t) const { return T(outward<T>(t, 1, t_origin, z_scale)) + eps_z; }
+  T z_below(double t) const { return T(outward<T>(t, -1, t_origin, z_scale)) - eps_z; }
+};
+
+template <class T>
+struct PatchRay : RayDepth<T> {
   T org[3];  // the moved origin, relative to the centre of the mesh, by axis
   T dir[3];  // the direction, scaled so that its dominant component is +1 or -1
   int axis_x, axis_y, axis_z;
@@ -50,13 +62,6 @@ struct PatchRay {
   T zmin, zmax;           // interval of z, widened by all rounding
   T z_start;              // a z above it is reported as a t > tnear
   T eps;                  // bound on the rounding of x and y of a stored control value
-  T eps_z;                // the same for z
-  double t_origin, t_scale, z_scale;  // t = t_origin + z t_scale, z = (t - t_origin) z_scale
-
-  double t_of(double z) const { return t_origin + z * t_scale; }
-  /// z at t, moved outward by the rounding on the way, that of t itself to T included.
-  T z_above(double t) const { return T(outward<T>(t, 1, t_origin, z_scale)) + eps_z; }
-  T z_below(double t) const { return T(outward<T>(t, -1, t_origin, z_scale)) - eps_z; }
 
   /// The frame for the dominant axis z, from org and dir.
   void set_axes(int z) {

@@ -20,15 +20,39 @@ struct ProjectedModel {
   V dx_u, dx_v, dy_u, dy_v;
   V z_slope;  // bound on |z_u| + |z_v|
   V eps_x, eps_y, eps_z;
+  V n_x, n_y, n_z, below, above;  // N and the heights over the tangent plane, PatchModel's
+
+  /// S2 by the model alone: whether the patch cannot be met between zmin and zmax. Either it is not
+  /// there, or the ray is above or below what is there.
+  ///
+  /// A hit at z has the height n . ((0,0,z) - (x,y,z of the middle)). Rounding of the heights at
+  /// both ends: n is off by 8 u of the sum of |derivatives| squared, as in patch_model.h.
+  auto misses(V zmin, V zmax) const {
+    using T = Element<V>;
+    const V reach = T(0.5) * z_slope + eps_z;
+    const V from = max(zmin - z, V(-reach)), to = min(zmax - z, reach);
+    const V size_u = abs(x_u) + abs(y_u) + z_slope, size_v = abs(x_v) + abs(y_v) + z_slope;
+    const V slack = 32 * unit_roundoff<T> * (size_u * size_v * (abs(x) + abs(y) + reach)) +
+                    T(1.001) * (abs(n_x) * eps_x + abs(n_y) * eps_y + abs(n_z) * eps_z);
+    const V base = -(n_x * x + n_y * y);
+    const V a = base + n_z * from, b = base + n_z * to;
+    return (from > to) | (min(a, b) > above + slack) | (max(a, b) < below - slack);
+  }
+};
+/// PatchModel::Axis, its bounds unpacked.
+template <class V>
+struct ModelAxis {
+  V p, p_u, p_v, d_u, d_v;
 };
 /// Charges the rounding of everything computed from the patch: the local frame (2 u), then either
 /// evaluation (37 u max|net|) or recovery and the splits after it (14 u + 48 u), together at most
 /// 64 u. No control value is farther from the middle than the derivatives reach. docs/accuracy.md,
 /// section 2.
-template <class Axis, class Ray>
-[[gnu::always_inline]] inline auto project(const Axis& ax, const Axis& ay, const Axis& az,
-                                           const Ray& r) {
-  using V = std::remove_cvref_t<decltype(az.p)>;
+template <class V, class Ray>
+[[gnu::always_inline]] inline ProjectedModel<V> project(const ModelAxis<V>& ax,
+                                                        const ModelAxis<V>& ay,
+                                                        const ModelAxis<V>& az, V below, V above,
+                                                        const Ray& r) {
   const V depth = az.p - r.org_z;
   const V sx = abs(r.shear_x), sy = abs(r.shear_y);
   const V c = V{} + 64 * unit_roundoff<Element<V>>;
@@ -44,12 +68,21 @@ template <class Axis, class Ray>
   p.eps_x = r.eps + c * (abs(p.x) + abs(p.x_u) + p.dx_u + abs(p.x_v) + p.dx_v);
   p.eps_y = r.eps + c * (abs(p.y) + abs(p.y_u) + p.dy_u + abs(p.y_v) + p.dy_v);
   p.eps_z = r.eps_z + c * (abs(p.z) + p.z_slope);
+  const V z_u = r.sign_z * az.p_u, z_v = r.sign_z * az.p_v;
+  p.n_x = p.y_u * z_v - z_u * p.y_v, p.n_y = z_u * p.x_v - p.x_u * z_v;
+  p.n_z = p.x_u * p.y_v - p.x_v * p.y_u;
+  p.below = min(V(r.sign_z * below), V(r.sign_z * above));
+  p.above = max(V(r.sign_z * below), V(r.sign_z * above));
   return p;
 }
 template <class T>
 [[gnu::always_inline]] inline ProjectedModel<T> project(const PatchModel<T>& m,
                                                         const PatchRay<T>& r) {
-  return project(m.axis[r.axis_x], m.axis[r.axis_y], m.axis[r.axis_z], r);
+  const auto axis = [&](int i) {
+    const auto& a = m.axis[i];
+    return ModelAxis<T>{a.p, a.p_u, a.p_v, a.d_u.value(), a.d_v.value()};
+  };
+  return project(axis(r.axis_x), axis(r.axis_y), axis(r.axis_z), m.below, m.above, r);
 }
 
 template <class T>
@@ -89,12 +122,6 @@ template <class T>
 template <class T>
 bool misses_zero(const Net<T>& n, T slack) {
   return all_above(n, slack) || all_below(n, -slack);
-}
-
-/// Largest move of a net's interior by the whole bump: 0.0667 < 1/15 + rounding of each |bump|.
-template <class T>
-T bump_reach(const Quad<T>& bump) {
-  return T(0.067) * sum(abs(bump));
 }
 
 /// S2: whether the ray certainly misses the patch between zmin and zmax.

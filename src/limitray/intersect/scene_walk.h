@@ -9,6 +9,15 @@ namespace limitray {
 inline namespace LIMITRAY_ISA {
 
 template <class T>
+ObjectRay load_ray(const RayBatch<T>& b, std::size_t i) {
+  const T* r = b.rays.data() + 6 * i;
+  return {{double(r[0]), double(r[1]), double(r[2])},
+          {double(r[3]), double(r[4]), double(r[5])},
+          double(b.tnear[b.tnear.size() == 1 ? 0 : i]),
+          double(b.tfar[b.tfar.size() == 1 ? 0 : i])};
+}
+
+template <class T>
 const PatchBump<T>* bump_of(const GeometryView<T>& g, std::uint32_t leaf) {
   const std::uint32_t b = g.infos[leaf].bump;
   return b == no_bump ? nullptr : g.bumps + b;
@@ -32,17 +41,47 @@ struct LeafHit {
   }
 };
 
+/// What a ray looks for, and what it has found.
+template <class T>
+struct RayQuery {
+  double tnear, tfar;  // as given
+  double reach;        // the far end as it stands; on_hit lowers it
+  LeafHit<T> best;     // for callers that keep one
+  std::uint32_t splits;  // done for it so far
+
+  void begin(double from, double to) { tnear = from, tfar = reach = to, best = {}, splits = 0; }
+
+  /// A point where the ray meets patch `leaf` of an instance, in whose frame it is: on_hit(LeafHit),
+  /// if it is between tnear and reach, returns true to end the search and may lower `reach`. `zmax`
+  /// is reach in that frame.
+  template <class OnHit>
+  bool report(const RayDepth<T>& frame, T& zmax, std::uint32_t instance, std::uint32_t leaf,
+              const PatchRoot<T>& root, OnHit&& on_hit) {
+    const double t = double(T(frame.t_of(root.z)));  // as it will be reported
+    // A direction so short that t is beyond T's range meets nothing that could be told.
+    if (!(t > tnear && t <= reach && std::isfinite(t))) return false;
+    const bool ended =
+        on_hit(LeafHit<T>{t, instance, leaf, root.u, root.v, double(root.spread) * frame.t_scale});
+    zmax = std::min(zmax, frame.z_above(reach));  // only what is nearer from now on
+    return ended;
+  }
+};
+
+/// A ray of the scene in the space of an instance's mesh.
+inline ObjectRay local_ray(const InstanceView& in, const ObjectRay& r) {
+  if (in.identity) return r;
+  return {in.to_object.point(r.org), in.to_object.vector(r.dir), r.tnear, r.tfar};
+}
+
 /// One ray on its way through a scene.
 template <class T>
 class SceneWalk {
  public:
   ObjectRay ray;       // in the scene
-  double tfar;         // the far end as it stands; on_hit lowers it
+  RayQuery<T> query;
   PatchRay<T> frame;   // the ray in the instance that it is in
-  T zmax;              // tfar in that frame
+  T zmax;              // query.reach in that frame
   std::uint32_t leaf;  // the patch found last
-  LeafHit<T> best;     // for callers that keep one
-  bool has_moved;      // `frame` is new; for callers that keep a copy
 
   /// The space where a walk begins: that of the scene's only instance, else the scene's own, whose
   /// tree is over instances. Null if there is nothing to hit.
@@ -57,8 +96,7 @@ class SceneWalk {
   }
   /// Begins at the frame of first_ray in first_extent.
   void begin(const SceneView<T>& scene, const ObjectRay& r, const PatchRay<T>& first) {
-    ray = r, tfar = r.tfar;
-    best = {};
+    ray = r;
     frame = first;
     has_tree_ = scene.instances.size() != 1;
     if (has_tree_) {
@@ -73,6 +111,7 @@ class SceneWalk {
   }
   /// The same for one ray alone; false if it misses that extent.
   bool begin(const SceneView<T>& scene, const ObjectRay& r) {
+    query.begin(r.tnear, r.tfar);
     const Extent* extent = first_extent(scene);
     PatchRay<T> first;
     if (!extent || !make_patch_ray(first_ray(scene, r), *extent, first)) return false;
@@ -88,30 +127,11 @@ class SceneWalk {
                              : static_cast<const void*>(&geometry_->nodes[child]));
     };
     while (true) {
-      leaf = next_item(geometry_->nodes, boxes_, -float_up(-frame.zmin), float_up(zmax), below_,
-                       prefetch, node_visits);
+      leaf =
+          next_item(geometry_->nodes, boxes_, float_up(zmax), below_, prefetch, node_visits);
       if (leaf != no_item) return true;
       if (!next_instance(scene, node_visits)) return false;
     }
-  }
-  /// Asks for what meeting `leaf` will read.
-  void prefetch_patch() const {
-    const auto* net = reinterpret_cast<const char*>(&geometry_->nets[leaf]);
-    __builtin_prefetch(&geometry_->infos[leaf]);
-    for (std::size_t line = 0; line < sizeof(PatchNet<T>); line += 64)
-      __builtin_prefetch(net + line);
-  }
-  /// A point where the ray meets `leaf`: on_hit(LeafHit), if it is between tnear and tfar, returns
-  /// true to end the walk and may lower tfar.
-  template <class OnHit>
-  bool report(const PatchRoot<T>& root, OnHit&& on_hit) {
-    const double t = double(T(frame.t_of(root.z)));  // as it will be reported
-    // A direction so short that t is beyond T's range meets nothing that could be told.
-    if (!(t > ray.tnear && t <= tfar && std::isfinite(t))) return false;
-    const bool ended =
-        on_hit(LeafHit<T>{t, instance_, leaf, root.u, root.v, double(root.spread) * frame.t_scale});
-    zmax = std::min(zmax, frame.z_above(tfar));  // only what is nearer from now on
-    return ended;
   }
   /// Meets the ray with `leaf` alone; on_hit as above. True if the walk ends.
   template <bool use_newton, class OnHit>
@@ -119,27 +139,26 @@ class SceneWalk {
     bool ended = false;
     intersect_patch<T, use_newton>(
         geometry_->nets[leaf], bump_of(*geometry_, leaf), geometry_->models[leaf], frame, zmax,
-        [&](const PatchRoot<T>& root, T&) { return ended = report(root, on_hit); }, count);
+        [&](const PatchRoot<T>& root, T&) {
+          return ended = query.report(frame, zmax, instance_, leaf, root, on_hit);
+        },
+        count);
     return ended;
   }
   const GeometryView<T>& geometry() const { return *geometry_; }
 
  private:
-  static ObjectRay local_ray(const InstanceView& in, const ObjectRay& r) {
-    if (in.identity) return r;
-    return {in.to_object.point(r.org), in.to_object.vector(r.dir), r.tnear, r.tfar};
-  }
   /// Enters the next instance that the ray may meet; false if there is none.
   bool next_instance(const SceneView<T>& scene, std::uint64_t& node_visits) {
     while (has_tree_) {
       const std::uint32_t next = next_item(
-          scene.nodes, world_boxes_, -float_up(-world_.zmin), float_up(world_.z_above(tfar)),
-          above_, [](std::uint32_t) {}, node_visits);
+          scene.nodes, world_boxes_, float_up(world_.z_above(query.reach)), above_, [](std::uint32_t) {},
+          node_visits);
       if (next == no_item) return false;
       const InstanceView& in = scene.instances[next];
       const GeometryView<T>& g = scene.geometries[in.geometry];
       ObjectRay local = local_ray(in, ray);
-      local.tfar = tfar;
+      local.tfar = query.reach;
       if (!g.nodes || !make_patch_ray(local, g.extent, frame)) continue;
       enter(scene, next);
       return true;
@@ -152,7 +171,6 @@ class SceneWalk {
     zmax = frame.zmax;
     boxes_ = make_box_ray(frame);
     below_.begin();
-    has_moved = true;
   }
 
   const GeometryView<T>* geometry_;  // of the instance that the ray is in

@@ -1,175 +1,336 @@
-// Stage: intersection. Comes in: a batch of rays. Goes out: their hits. As many rays as a register
-// has lanes are on their way at once; each walks until it meets a patch's box, then all are met
-// with their patches together (S8, lane by lane). A ray that has ended makes room for the next.
+// Stage: intersection. Comes in: a batch of rays. Goes out: their hits. Thousands of rays are on
+// their way at once: they walk the tree together (bvh/list_walk.h), and as many as a register has
+// lanes meet their patches side by side (S8, lane by lane).
 //
 // One ray alone waits: for the next node, for the next Newton step, for the branch that hangs on
-// it. Rays side by side share the arithmetic, and what they read was asked for a round earlier. No
-// ray's arithmetic depends on its neighbours, so hits are the same for any order of rays.
+// it. What a ray meets, and in which order, does not depend on the other rays, nor does the
+// arithmetic in its lane: hits are the same for any order of rays and number of threads.
 //
-// What S8 leaves undecided is met one by one.
+//   rays -> sorted by direction -> walk -> to_test: models -> to_solve: Newton -> hits
+//                                            |  neither proved nor disproved
+//                                            +-> undecided: quarters, bisection -> hits
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include "limitray/intersect/lane_newton.h"
-#include "limitray/intersect/scene_walk.h"
+#include "limitray/intersect/ray_space.h"
 
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
-/// Traces rays begin..end; load(i) is ray i. on_hit(walk, LeafHit) as in SceneWalk::report;
-/// on_end(i, ray, SceneWalk::best) is called once for each ray.
-template <class Load, class OnHit, class OnEnd>
+/// A ray (its number in its space) and a patch whose box it meets.
+struct Meeting {
+  RayId ray;
+  std::uint32_t leaf;
+};
+/// What a stream works in; each thread keeps one.
+struct StreamRoom {
+  std::vector<RayId> order;
+  std::vector<std::uint8_t> keys;
+  RayQuery<float> queries[max_walk_rays];
+  RaySpace world, object;
+  std::unique_ptr<RayId[]> world_lists = std::make_unique_for_overwrite<RayId[]>(list_room);
+  std::unique_ptr<RayId[]> object_lists = std::make_unique_for_overwrite<RayId[]>(list_room);
+  RayId all[max_walk_rays];
+  std::vector<Meeting> undecided;
+  Meeting to_test[max_walk_rays + lane_count], to_solve[2 * lane_count];
+  int tests = 0, solves = 0;
+
+  static StreamRoom& of_this_thread() {
+    thread_local const std::unique_ptr<StreamRoom> room(new StreamRoom);
+    return *room;
+  }
+};
+
+/// Traces rays begin..end of a batch. on_hit(RayQuery, LeafHit) as in RayQuery::report; on_end(i,
+/// RayQuery::best) is called once for each ray.
+template <class OnHit, class OnEnd>
 class RayStream {
  public:
-  RayStream(const SceneView<float>& scene, Load load, OnHit on_hit, OnEnd on_end,
+  RayStream(const SceneView<float>& scene, const RayBatch<float>& batch, OnHit on_hit, OnEnd on_end,
             PatchCounters& counts, std::uint64_t& node_visits)
       : scene_(scene),
-        load_(load),
+        batch_(batch),
         on_hit_(on_hit),
         on_end_(on_end),
         counts_(counts),
         node_visits_(node_visits) {}
 
   void trace(std::size_t begin, std::size_t end) {
-    next_ = begin, end_ = end;
-    ready_begin_ = ready_end_ = 0;
-    for (Lane& lane : lanes_) lane.has_ray = false;
-    if (!extent_) {
-      for (; next_ < end_; ++next_) on_end_(next_, load_(next_), {});
-      return;
-    }
-    while (true) {
-      unsigned waiting = 0;
-      for (int j = 0; j < lane_count; ++j) waiting |= unsigned(advance(j)) << j;
-      if (!waiting) return;
-      meet_patches(waiting);
-    }
+    begin_ = begin;
+    const int n = int(end - begin);
+    sort_by_direction(n);
+    for (int k = 0; k < n; k += max_walk_rays)
+      trace_some(room_.order.data() + k, std::min(max_walk_rays, n - k));
   }
 
  private:
-  struct Lane {
-    SceneWalk<float> walk;
-    std::size_t index;
-    std::uint32_t splits;  // of this ray
-    bool has_ray;
-  };
+  const float* ray_of(RayId stream_id) const { return batch_.rays.data() + 6 * index_of(stream_id); }
+  std::size_t index_of(RayId stream_id) const { return begin_ + ids_[stream_id]; }
 
-  /// A ray that meets the extent where its walk begins.
-  struct Ready {
-    std::size_t index;
-    PatchRay<float> frame;
-  };
+  /// Rays that go the same way share lists. This only makes the lists longer.
+  void sort_by_direction(int n) {
+    room_.order.resize(std::size_t(n));
+    room_.keys.resize(std::size_t(n));
+    int next[8] = {};
+    const float* rays = batch_.rays.data() + 6 * begin_;
+    for (int i = 0; i < n; ++i) {
+      const float* d = rays + 6 * std::size_t(i) + 3;
+      const int key = (d[0] < 0) + 2 * (d[1] < 0) + 4 * (d[2] < 0);
+      room_.keys[std::size_t(i)] = std::uint8_t(key);
+      ++next[key];
+    }
+    for (int key = 0, begin = 0; key < 8; ++key) begin += std::exchange(next[key], begin);
+    for (int i = 0; i < n; ++i)
+      room_.order[std::size_t(next[room_.keys[std::size_t(i)]]++)] = RayId(i);
+  }
 
-  /// Frames of the next rays (S1), a register of doubles at a time; ends those that miss.
-  void prepare() {
-    ready_begin_ = ready_end_ = 0;
-    constexpr int n = lane_count / 2;
-    for (int half = 0; half < 2 && next_ < end_; ++half) {
-      const int rays = int(std::min<std::size_t>(n, end_ - next_));
-      alignas(64) double values[8][n];  // org, dir, tnear, tfar
-      if (rays < n) std::memset(values, 0, sizeof(values));
-      for (int j = 0; j < rays; ++j) {
-        const ObjectRay r = SceneWalk<float>::first_ray(scene_, load_(next_ + std::size_t(j)));
-        for (int i = 0; i < 3; ++i) values[i][j] = r.org[i], values[3 + i][j] = r.dir[i];
-        values[6][j] = r.tnear, values[7][j] = r.tfar;
-      }
-      HalfLanes v[8];
-      std::memcpy(v, values, sizeof(v));
-      const RayFrame<HalfLanes, float> f({v[0], v[1], v[2]}, {v[3], v[4], v[5]}, v[6], v[7],
-                                         *extent_);
-      const unsigned all = (1u << rays) - 1, meets = bits_of(f.meets) & all;
-      for (unsigned left = all & ~meets; left; left &= left - 1) {
-        const auto i = next_ + std::size_t(std::countr_zero(left));
-        on_end_(i, load_(i), {});
-      }
-      for (unsigned left = meets; left; left &= left - 1) {
-        const int j = std::countr_zero(left);
-        Ready& r = ready_[ready_end_++];
-        r.index = next_ + std::size_t(j);
-        f.store(j, r.frame);
-      }
-      next_ += std::size_t(rays);
+  void trace_some(const RayId* ids, int count) {
+    ids_ = ids;
+    for (int i = 0; i < count; ++i) {
+      const std::size_t k = begin_ + ids[i];
+      room_.queries[i].begin(batch_.tnear[batch_.tnear.size() == 1 ? 0 : k],
+                             batch_.tfar[batch_.tfar.size() == 1 ? 0 : k]);
+      room_.all[i] = RayId(i);
+    }
+    if (scene_.instances.size() == 1)
+      trace_instance(0, room_.all, count);
+    else if (scene_.nodes)
+      trace_instances(count);
+    for (int i = 0; i < count; ++i) on_end_(begin_ + ids[i], room_.queries[i].best);
+  }
+
+  /// Walks through the tree of instances.
+  void trace_instances(int count) {
+    RaySpace& s = room_.world;
+    enter(s, scene_.extent, {}, room_.all, count);
+    for (int kind = 0; kind < RayKind::count; ++kind) {
+      walk(scene_.nodes, s, kind, room_.world_lists.get(), [](std::uint32_t) {},
+           [&](std::uint32_t instance, const RayId* list, int n) {
+             for (int k = 0; k < n; ++k) room_.all[k] = s.stream_ids[list[k]];
+             trace_instance(instance, room_.all, n);
+             for (int k = 0; k < n; ++k)
+               s.boxes[list[k]].zmax =
+                   std::min(s.boxes[list[k]].zmax, zmax_of(s, list[k]));
+           });
+    }
+  }
+  float zmax_of(const RaySpace& s, RayId ray) const {
+    const double reach = room_.queries[s.stream_ids[ray]].reach;
+    return s.depths[ray].z_above(reach);
+  }
+
+  /// Meets some rays with an instance.
+  void trace_instance(std::uint32_t i, const RayId* ids, int count) {
+    const InstanceView& in = scene_.instances[i];
+    instance_ = i, geometry_ = &scene_.geometries[in.geometry];
+    if (!geometry_->nodes) return;
+    const auto prefetch = [&](std::uint32_t child) {
+      __builtin_prefetch(child & leaf_flag
+                             ? static_cast<const void*>(&geometry_->models[child & ~leaf_flag])
+                             : static_cast<const void*>(&geometry_->nodes[child]));
+    };
+    enter(room_.object, geometry_->extent, in, ids, count);
+    for (int kind = 0; kind < RayKind::count; ++kind) {
+      kind_ = RayKind(kind);
+      walk(geometry_->nodes, room_.object, kind, room_.object_lists.get(), prefetch,
+           [&](std::uint32_t leaf, const RayId* list, int n) {
+             for (int k = 0; k < n; ++k) room_.to_test[room_.tests++] = {list[k], leaf};
+             test_models(lane_count);
+           });
+      test_models(1);
+      solve(1);
+      solve_undecided();
     }
   }
 
-  /// Walks on until lane j's ray, or the next one, waits at a patch; false if no ray is left.
-  bool advance(int j) {
-    Lane& lane = lanes_[j];
-    while (true) {
-      if (!lane.has_ray) {
-        while (ready_begin_ == ready_end_) {
-          if (next_ == end_) return false;
-          prepare();
-        }
-        const Ready& r = ready_[ready_begin_++];
-        lane.index = r.index;
-        lane.splits = 0;
-        lane.has_ray = true;
-        lane.walk.begin(scene_, load_(lane.index), r.frame);
-      }
-      if (lane.walk.next_patch(scene_, node_visits_)) {
-        if (std::exchange(lane.walk.has_moved, false)) frames_.set(j, lane.walk.frame);
-        lane.walk.prefetch_patch();
-        return true;
-      }
-      finish(lane);
-    }
+  /// Walks those rays of `s` that are of one kind through its tree.
+  template <class Prefetch, class OnLeaf>
+  void walk(const BvhNode* nodes, const RaySpace& s, int kind, RayId* lists, Prefetch&& prefetch,
+            OnLeaf&& on_leaf) {
+    const int begin = s.kind_begin[kind], n = s.kind_begin[kind + 1] - begin;
+    if (n == 0) return;
+    const RayKind k(kind);
+    float along[3];
+    for (int i = 0; i < 3; ++i)
+      along[i] = (k.signs >> i & 1 ? -1.0f : 1.0f) * (i == k.axis_z ? 1.0f : 0.4f);
+    walk_lists(nodes, s.boxes, k.signs, along, s.by_kind + begin, n, lists, on_leaf, prefetch,
+               node_visits_);
   }
 
-  /// Meets the rays in `waiting` with the patches at which they stand.
-  void meet_patches(unsigned waiting) {
-    LanePatches patches;
-    const int first = std::countr_zero(waiting);
+  /// S1 for `count` rays, in the space of an instance or, for an identity, of the scene.
+  void enter(RaySpace& s, const Extent& extent, const InstanceView& in, const RayId* ids,
+             int count) {
+    s.count = 0;
+    for (int k = 0; k < count; k += lane_count) {
+      const int here = std::min(lane_count, count - k);
+      float last[8] = {};
+      const float* rows[lane_count];
+      alignas(Lanes) double tnear[lane_count], tfar[lane_count];
+      for (int j = 0; j < lane_count; ++j) {
+        const RayId id = ids[k + std::min(j, here - 1)];
+        rows[j] = ray_of(id);
+        // Eight floats are read.
+        if (rows[j] + 8 > batch_.rays.data() + batch_.rays.size())
+          rows[j] = static_cast<const float*>(std::memcpy(last, rows[j], 6 * sizeof(float)));
+        tnear[j] = room_.queries[id].tnear, tfar[j] = room_.queries[id].reach;
+      }
+      Lanes m[8];
+      load_by_lane(rows, m);
+      const auto frame = [&](bool high) {
+        HalfLanes org[3], dir[3], from, to;
+        for (int i = 0; i < 3; ++i) org[i] = half_of(m[i], high), dir[i] = half_of(m[3 + i], high);
+        std::memcpy(&from, tnear + high * lane_count / 2, sizeof(from));
+        std::memcpy(&to, tfar + high * lane_count / 2, sizeof(to));
+        if (!in.identity) to_object(in, org, dir);
+        return RayFrame<HalfLanes, float>(org, dir, from, to, extent);
+      };
+      s.add(LaneFrameMaker(frame(false), frame(true)), ids + k, here);
+    }
+    s.sort_by_kind();
+  }
+  static void to_object(const InstanceView& in, HalfLanes (&org)[3], HalfLanes (&dir)[3]) {
+    const auto times = [&](const HalfLanes(&v)[3], int i) {
+      const Vec3d& row = in.to_object.linear[i];
+      return row.x * v[0] + row.y * v[1] + row.z * v[2];
+    };
+    const HalfLanes o[3] = {times(org, 0), times(org, 1), times(org, 2)};
+    const HalfLanes d[3] = {times(dir, 0), times(dir, 1), times(dir, 2)};
+    for (int i = 0; i < 3; ++i) org[i] = o[i] + in.to_object.offset[i], dir[i] = d[i];
+  }
+
+  LanePatches gather(const Meeting* m, int count) const {
+    // A patch's rays come together, so the first and the last tell.
+    LanePatches p(kind_, m[0].leaf == m[count - 1].leaf);
     for (int j = 0; j < lane_count; ++j) {
       // A lane without a ray repeats another one's patch; nobody looks at what comes out.
-      const SceneWalk<float>& walk = lanes_[waiting >> j & 1 ? j : first].walk;
-      const GeometryView<float>& g = walk.geometry();
-      patches.set(j, &g.models[walk.leaf], &g.nets[walk.leaf], bump_of(g, walk.leaf), &walk.frame);
+      const auto [ray, leaf] = m[j < count ? j : 0];
+      p.set(j, &geometry_->models[leaf], &geometry_->nets[leaf], bump_of(*geometry_, leaf),
+            &room_.object.rays[ray]);
     }
-    const LaneOutcome o = newton_on_models(patches, frames_, waiting, counts_);
-    for (unsigned left = o.met; left; left &= left - 1) {
+    return p;
+  }
+
+  /// Tests the waiting meetings by the models while there are `enough`.
+  void test_models(int enough) {
+    int done = 0;
+    while (room_.tests - done >= enough) {
+      const Meeting* m = room_.to_test + done;
+      const int n = std::min(lane_count, room_.tests - done);
+      const unsigned waiting = (1u << n) - 1;
+      done += n;
+      counts_.patch_tests += std::uint32_t(n);
+      const LaneVerdict v = limitray::test_models(gather(m, n), waiting);
+      for (unsigned left = waiting & ~v.missed; left; left &= left - 1) {
+        const int j = std::countr_zero(left);
+        if (v.decided >> j & 1) {
+          prefetch_patch(m[j].leaf);
+          room_.to_solve[room_.solves++] = m[j];
+        } else {
+          room_.undecided.push_back(m[j]);
+        }
+      }
+      solve(lane_count);
+    }
+    std::copy(room_.to_test + done, room_.to_test + room_.tests, room_.to_test);
+    room_.tests -= done;
+  }
+  void prefetch_patch(std::uint32_t leaf) const {
+    const auto* net = reinterpret_cast<const char*>(&geometry_->nets[leaf]);
+    __builtin_prefetch(&geometry_->infos[leaf]);
+    for (std::size_t line = 0; line < sizeof(PatchNet<float>); line += 64)
+      __builtin_prefetch(net + line);
+  }
+
+  /// Newton steps for those that wait for them, if there are `enough`.
+  void solve(int enough) {
+    if (room_.solves < enough) return;
+    const int n = std::min(lane_count, room_.solves);
+    solve(room_.to_solve, n);
+    std::copy(room_.to_solve + n, room_.to_solve + room_.solves, room_.to_solve);
+    room_.solves -= n;
+  }
+  void solve_undecided() {
+    const int count = int(room_.undecided.size());
+    for (int k = 0; k < count; k += lane_count)
+      solve(room_.undecided.data() + k, std::min(lane_count, count - k));
+    room_.undecided.clear();
+  }
+  void solve(const Meeting* m, int n) {
+    const unsigned waiting = (1u << n) - 1;
+    const LaneSolver solver(gather(m, n), waiting);
+    const LaneOutcome whole = solver.solve(counts_);
+    unsigned undecided = waiting & ~(whole.met | whole.missed);
+    LaneOutcome quarters[4];
+    const unsigned split = undecided;
+    for (int q = 0; q < 4 && undecided; ++q) {
+      counts_.splits += std::uint32_t(std::popcount(split)) * (q < 3);
+      quarters[q] = solver.solve_quarter(q, undecided, counts_);
+      undecided &= quarters[q].met | quarters[q].missed;
+    }
+    // In order
+    for (unsigned left = waiting & ~whole.missed; left; left &= left - 1) {
       const int j = std::countr_zero(left);
-      Lane& lane = lanes_[j];
-      if (lane.walk.report({o.u[j], o.v[j], o.z[j], 0, o.spread[j]}, hit(lane))) finish(lane);
+      if (whole.met >> j & 1) {
+        report(m[j], whole.root(j));
+      } else if (undecided >> j & 1) {
+        for (const LaneOutcome& q : quarters)
+          if (q.met >> j & 1) report(m[j], q.root(j));
+      } else {
+        bisect(m[j]);
+      }
     }
-    for (unsigned left = waiting & ~(o.met | o.missed); left; left &= left - 1)
-      bisect(lanes_[std::countr_zero(left)]);
+  }
+
+  /// Updates how far a ray still looks. True if it has ended.
+  bool report(const Meeting& m, const PatchRoot<float>& root) {
+    return report(m, room_.object.depths[m.ray], root);
+  }
+  bool report(const Meeting& m, const RayDepth<float>& depth, const PatchRoot<float>& root) {
+    float& zmax = room_.object.rays[m.ray].zmax;
+    RayQuery<float>& q = room_.queries[room_.object.stream_ids[m.ray]];
+    const bool ended = q.report(depth, zmax, instance_, m.leaf, root,
+                                [&](const LeafHit<float>& h) { return on_hit_(q, h); });
+    if (ended) zmax = -std::numeric_limits<float>::infinity(), q.reach = zmax;
+    room_.object.boxes[m.ray].zmax = zmax;
+    return ended;
   }
 
   /// What S8 leaves undecided. Splits are limited a ray.
-  void bisect(Lane& lane) {
-    SceneWalk<float>& walk = lane.walk;
-    const GeometryView<float>& g = walk.geometry();
-    counts_.before_ray = counts_.splits - lane.splits;
-    bool ended = false;
+  void bisect(const Meeting& m) {
+    const RayId id = room_.object.stream_ids[m.ray];
+    RayQuery<float>& q = room_.queries[id];
+    PatchRay<float> frame;
+    ObjectRay ray = local_ray(scene_.instances[instance_], load_ray(batch_, index_of(id)));
+    ray.tfar = q.reach;
+    if (!make_patch_ray(ray, geometry_->extent, frame)) return;
+    counts_.before_ray = counts_.splits - q.splits;
     bisect_patch<float, true>(
-        g.nets[walk.leaf], bump_of(g, walk.leaf), project(g.models[walk.leaf], walk.frame),
-        walk.frame, walk.zmax,
-        [&](const PatchRoot<float>& root, float&) { return ended = walk.report(root, hit(lane)); },
+        geometry_->nets[m.leaf], bump_of(*geometry_, m.leaf),
+        project(geometry_->models[m.leaf], frame), frame, frame.zmax,
+        [&](const PatchRoot<float>& root, float& zmax) {
+          const bool ended = report(m, frame, root);
+          zmax = std::min(zmax, frame.z_above(q.reach));
+          return ended;
+        },
         counts_);
-    lane.splits = counts_.splits - counts_.before_ray;
-    if (ended) finish(lane);
-  }
-
-  auto hit(Lane& lane) {
-    return [this, &lane](const LeafHit<float>& h) { return on_hit_(lane.walk, h); };
-  }
-  void finish(Lane& lane) {
-    on_end_(lane.index, lane.walk.ray, lane.walk.best);
-    lane.has_ray = false;
+    q.splits = counts_.splits - counts_.before_ray;
   }
 
   const SceneView<float>& scene_;
-  Load load_;
+  const RayBatch<float>& batch_;
   OnHit on_hit_;
   OnEnd on_end_;
   PatchCounters& counts_;
   std::uint64_t& node_visits_;
-  const Extent* extent_ = SceneWalk<float>::first_extent(scene_);
-  std::size_t next_ = 0, end_ = 0;
-  int ready_begin_ = 0, ready_end_ = 0;
-  Ready ready_[lane_count];
-  LaneFrames frames_{};
-  Lane lanes_[lane_count];
+  StreamRoom& room_ = StreamRoom::of_this_thread();
+  std::size_t begin_ = 0;       // of the rays being traced, in the batch
+  const RayId* ids_ = nullptr;  // which of them are in the stream
+  std::uint32_t instance_ = 0;
+  const GeometryView<float>* geometry_ = nullptr;
+  RayKind kind_{0};
 };
 
 }  // namespace LIMITRAY_ISA

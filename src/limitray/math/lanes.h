@@ -3,6 +3,7 @@
 // is a bool.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <utility>
 
@@ -15,6 +16,7 @@ inline namespace LIMITRAY_ISA {
 inline constexpr int lane_count = register_bytes / int(sizeof(float));
 using Lanes = Simd<float, lane_count>;
 using LaneMask = Simd<std::int32_t, lane_count>;
+using LaneBits = Simd<std::uint32_t, lane_count>;
 
 /// What a compare of V gives, and the type of its elements.
 template <class V>
@@ -104,6 +106,35 @@ inline Lanes load_lanes(const float* p) {
 
 inline void store_lanes(float* p, Lanes v) { std::memcpy(p, &v, sizeof(v)); }
 
+inline Simd<float, 8> load_eight(const float* p) {
+  Simd<float, 8> v;
+  std::memcpy(&v, p, sizeof(v));
+  return v;
+}
+inline void store_eight(float* p, Simd<float, 8> v) { std::memcpy(p, &v, sizeof(v)); }
+
+template <class Half, int... i>
+Lanes concatenate(Half a, Half b, std::integer_sequence<int, i...>) {
+  return __builtin_shufflevector(a, b, i...);
+}
+template <int begin, int... i>
+auto part(Lanes v, std::integer_sequence<int, i...>) {
+  return __builtin_shufflevector(v, v, (begin + i)...);
+}
+/// The lanes of two vectors of doubles as floats.
+inline Lanes join(HalfLanes low, HalfLanes high) {
+  using Half = Simd<float, lane_count / 2>;
+  const Half a = __builtin_convertvector(low, Half), b = __builtin_convertvector(high, Half);
+  return concatenate(a, b, std::make_integer_sequence<int, lane_count>{});
+}
+/// The first lanes as doubles, or the others.
+inline HalfLanes half_of(Lanes v, bool high) {
+  using Half = Simd<float, lane_count / 2>;
+  Half h;
+  std::memcpy(&h, reinterpret_cast<const char*>(&v) + (high ? sizeof(h) : 0), sizeof(h));
+  return __builtin_convertvector(h, HalfLanes);
+}
+
 /// One round of a transposition: swaps the blocks of `size` lanes beside the diagonal of two rows.
 template <int size, int... i>
 void swap_blocks(Lanes& a, Lanes& b, std::integer_sequence<int, i...>) {
@@ -111,10 +142,10 @@ void swap_blocks(Lanes& a, Lanes& b, std::integer_sequence<int, i...>) {
   b = __builtin_shufflevector(a, b, (i & size ? lane_count + i : i + size)...);
   a = low;
 }
-template <int size>
-void transpose_blocks(Lanes (&row)[lane_count]) {
+template <int size, int rows>
+[[gnu::always_inline]] inline void transpose_blocks(Lanes (&row)[rows]) {
   if constexpr (size > 0) {
-    for (int j = 0; j < lane_count; ++j)
+    for (int j = 0; j < rows; ++j)
       if (!(j & size))
         swap_blocks<size>(row[j], row[j + size], std::make_integer_sequence<int, lane_count>{});
     transpose_blocks<size / 2>(row);
@@ -128,6 +159,44 @@ void transpose_blocks(Lanes (&row)[lane_count]) {
     for (int j = 0; j < lane_count; ++j) row[j] = load_lanes(rows[j] + block);
     transpose_blocks<lane_count / 2>(row);
     for (int i = 0; i < lane_count; ++i) out[block + i] = row[i];
+  }
+}
+/// The same for 8 values of each ray.
+template <int lanes>
+[[gnu::always_inline]] inline void load_by_lane(const float* const (&rows)[lanes],
+                                                Lanes (&out)[8]) {
+  if constexpr (lanes == 16) {
+    // Rays j and j + 8 share a register.
+    for (int j = 0; j < 8; ++j)
+      out[j] = concatenate(load_eight(rows[j]), load_eight(rows[j + 8]),
+                           std::make_integer_sequence<int, 16>{});
+    transpose_blocks<4>(out);
+  } else {
+    for (int block = 0; block < 8; block += lanes) {
+      Lanes row[lanes];
+      for (int j = 0; j < lanes; ++j) row[j] = load_lanes(rows[j] + block);
+      transpose_blocks<lanes / 2>(row);
+      for (int i = 0; i < lanes; ++i) out[block + i] = row[i];
+    }
+  }
+}
+/// The other way round: rows[j][i] = values[i], lane j. `values` are lost.
+template <int lanes>
+[[gnu::always_inline]] inline void store_by_lane(Lanes (&values)[8], float* const (&rows)[lanes]) {
+  if constexpr (lanes == 16) {
+    transpose_blocks<4>(values);
+    for (int j = 0; j < 8; ++j) {
+      constexpr std::make_integer_sequence<int, lanes / 2> eight{};
+      store_eight(rows[j], part<0>(values[j], eight));
+      store_eight(rows[j + 8], part<lanes / 2>(values[j], eight));
+    }
+  } else {
+    for (int block = 0; block < 8; block += lanes) {
+      Lanes row[lanes];
+      for (int i = 0; i < lanes; ++i) row[i] = values[block + i];
+      transpose_blocks<lanes / 2>(row);
+      for (int j = 0; j < lanes; ++j) store_lanes(rows[j] + block, row[j]);
+    }
   }
 }
 

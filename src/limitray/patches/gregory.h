@@ -26,6 +26,12 @@ inline constexpr T bump_slope_change = T(45);
 template <class T>
 inline constexpr T tangent_plane_size = T(1.0 / 32);
 
+/// Largest move of a net's interior by the whole bump: 0.0667 < 1/15 + rounding of each |bump|.
+template <class T>
+T bump_reach(const Quad<T>& bump) {
+  return T(0.067) * sum(abs(bump));
+}
+
 /// Distances a, b from the four corners.
 template <class T>
 struct CornerDistances {

@@ -20,8 +20,11 @@
 //     +-------------> s
 #pragma once
 
+#include <bit>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "limitray/math/vec.h"
@@ -55,17 +58,43 @@ struct alignas(16) PatchBump {
   T c[3][4];
 };
 
+/// A bound >= 0 in half of T's bits, rounded up: the upper half of a float's bits, or a float.
+template <class T>
+class HalfBound {
+ public:
+  HalfBound() = default;
+  explicit HalfBound(float bound)
+      : bits_(std::uint16_t((std::bit_cast<std::uint32_t>(bound) + 0xFFFFu) >> 16)) {}
+  float value() const { return std::bit_cast<float>(std::uint32_t(bits_) << 16); }
+
+ private:
+  std::uint16_t bits_ = 0;
+};
+template <>
+class HalfBound<double> {
+ public:
+  HalfBound() = default;
+  explicit HalfBound(double bound)
+      : bound_(std::nextafter(float(bound), std::numeric_limits<float>::infinity())) {}
+  double value() const { return double(bound_); }
+
+ private:
+  float bound_ = 0;
+};
+
 /// First order model of a patch about its middle (1/2,1/2), and how far the patch is from it: what
 /// a ray reads first (S8), one cache line. Made by patches/patch_model.h.
 template <class T>
 struct alignas(16 * sizeof(T)) PatchModel {
   struct Axis {
-    T p, p_u, p_v;  // value and derivatives at the middle
-    T d_u, d_v;     // bound on |derivative - p_u|, |derivative - p_v| anywhere on the patch
+    T p, p_u, p_v;          // value and derivatives at the middle
+    HalfBound<T> d_u, d_v;  // bound on |derivative - p_u|, |derivative - p_v| anywhere on the patch
   } axis[3];
+  T below, above;  // N . (S - p) of the patch is between them, N = p_u x p_v
+  T unused = 0;
   T curvature;  // bound on |p_uu|/2 + |p_uv| + |p_vv|/2 of each component
 };
-static_assert(sizeof(PatchModel<float>) == 64);
+static_assert(sizeof(PatchModel<float>) == 64 && sizeof(PatchModel<double>) == 128);
 
 /// All patches of a mesh, relative to `origin` (the centre of the cage's extent), so that float
 /// rounding scales with the size of the cage and not with its distance from zero.
