@@ -14,6 +14,7 @@
 
 #include "limitray/arguments.h"
 #include "limitray/geometry.h"
+#include "limitray/intersect/ray_order.h"
 #include "limitray/limits.h"
 #include "limitray/patches/gregory_error.h"
 
@@ -143,26 +144,46 @@ struct Scene::State {
     return v;
   }
 
-  /// Runs body(scene view, begin, end, statistics) over blocks of n rays.
+  /// Rays a block: the more, the more they share; several blocks a thread.
+  template <class T>
+  static std::size_t block_size(std::size_t rays) {
+    if (std::is_same_v<T, double>) return 128;  // these are traced one by one
+    const std::size_t share = rays / (4 * std::size_t(tbb::this_task_arena::max_concurrency()));
+    return std::clamp(share, std::size_t(64), std::size_t(max_rays_a_call));
+  }
+  /// For the rays of this scene, whose instances are in `extent` if there are several.
+  RayOrder ray_order(const Extent& extent) const {
+    std::size_t patches = 0;
+    for (const auto& g : geometries) patches += g->patches.size();
+    const bool single = instances.size() == 1 && instances[0].identity;
+    const Geometry* g = single ? geometries[instances[0].geometry].get() : nullptr;
+    return RayOrder(g ? view_of(*g, g->patches).extent : extent, patches);
+  }
+
+  /// Runs body(scene view, ray numbers, statistics) over blocks of a batch.
   template <class T, class Body>
-  void parallel(std::size_t n, Progress* progress, const Body& body) {
+  void parallel(const RayBatch<T>& batch, Progress* progress, const Body& body) {
     arena.execute([&] {
       update_top();
       const std::vector<GeometryView<T>> views = geometry_views<T>();
       const SceneView<T> view{views, instances, top.nodes.empty() ? nullptr : top.nodes.data(),
                               extent_of(top.bounds, origin, radius), use_newton};
-      const std::size_t grain = std::is_same_v<T, float> ? 131072 : 128;
-      tbb::parallel_for(
-          tbb::blocked_range<std::size_t>(0, n, grain),
-          [&](const auto& range) {
-            if (progress && progress->cancel) return;
-            Statistics s;
-            body(view, range.begin(), range.end(), s);
-            if (progress) progress->done += range.size();
-            const std::lock_guard lock(statistics_mutex);
-            add(statistics, s);
-          },
-          tbb::simple_partitioner());
+      RayOrder order = ray_order(view.extent);
+      for (std::size_t first = 0; first < batch.size(); first += max_ordered_rays) {
+        const std::size_t n = std::min(max_ordered_rays, batch.size() - first);
+        const std::span<const std::uint32_t> ids = order.sort(batch, first, n);
+        tbb::parallel_for(
+            tbb::blocked_range<std::size_t>(0, n, block_size<T>(n)),
+            [&](const auto& range) {
+              if (progress && progress->cancel) return;
+              Statistics s;
+              body(view, RayNumbers{first, ids.subspan(range.begin(), range.size())}, s);
+              if (progress) progress->done += range.size();
+              const std::lock_guard lock(statistics_mutex);
+              add(statistics, s);
+            },
+            tbb::simple_partitioner());
+      }
     });
     if (progress && progress->cancel) throw Cancelled();
   }
@@ -259,41 +280,42 @@ template <>
 void Scene::cast_rays(const RayBatch<float>& rays, const HitArrays<float>& hits,
                       Progress* progress) const {
   check_batch(rays);
-  state_->parallel<float>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
-    kernels().closest_f(view, rays, b, e, hits, s);
+  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
+    kernels().closest_f(view, rays, numbers, hits, s);
   });
 }
 template <>
 void Scene::cast_rays(const RayBatch<double>& rays, const HitArrays<double>& hits,
                       Progress* progress) const {
   check_batch(rays);
-  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
-    kernels().closest_d(view, rays, b, e, hits, s);
+  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
+    kernels().closest_d(view, rays, numbers, hits, s);
   });
 }
 template <>
 void Scene::test_occlusions(const RayBatch<float>& rays, std::uint8_t* occluded,
                             Progress* progress) const {
   check_batch(rays);
-  state_->parallel<float>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
-    kernels().occluded_f(view, rays, b, e, occluded, s);
+  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
+    kernels().occluded_f(view, rays, numbers, occluded, s);
   });
 }
 template <>
 void Scene::test_occlusions(const RayBatch<double>& rays, std::uint8_t* occluded,
                             Progress* progress) const {
   check_batch(rays);
-  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
-    kernels().occluded_d(view, rays, b, e, occluded, s);
+  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
+    kernels().occluded_d(view, rays, numbers, occluded, s);
   });
 }
 
 void Scene::count_intersections(const RayBatch<double>& rays, std::uint32_t* counts,
                                 Progress* progress) const {
   check_batch(rays);
-  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
+  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
     std::vector<Intersection> hits;
-    for (std::size_t i = b; i < e; ++i) {
+    for (std::size_t k = 0; k < numbers.size(); ++k) {
+      const std::size_t i = numbers[k];
       hits.clear();
       kernels().all_d(view, rays, i, hits, s);
       sort_and_merge(hits);
@@ -305,8 +327,9 @@ void Scene::count_intersections(const RayBatch<double>& rays, std::uint32_t* cou
 IntersectionList Scene::list_intersections(const RayBatch<double>& rays, Progress* progress) const {
   check_batch(rays);
   std::vector<std::vector<Intersection>> all(rays.size());
-  state_->parallel<double>(rays.size(), progress, [&](const auto& view, auto b, auto e, auto& s) {
-    for (std::size_t i = b; i < e; ++i) {
+  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
+    for (std::size_t k = 0; k < numbers.size(); ++k) {
+      const std::size_t i = numbers[k];
       kernels().all_d(view, rays, i, all[i], s);
       sort_and_merge(all[i]);
     }

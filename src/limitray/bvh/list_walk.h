@@ -15,14 +15,14 @@
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
-/// Most rays of a walk.
-inline constexpr int max_walk_rays = 8192;
 /// Lists may be written this far past their end.
 inline constexpr int list_slack = 16;
 
-/// Room for the lists of a walk: eight for each level of the tree. What is not used is not touched.
-inline constexpr std::size_t list_room =
-    std::size_t(bvh_max_depth + 1) * bvh_width * (max_walk_rays + 2 * list_slack);
+/// Room for the lists of a walk of n rays: eight for each level of the tree. What is not used is
+/// not touched.
+constexpr std::size_t list_room(int n) {
+  return std::size_t(bvh_max_depth + 1) * bvh_width * std::size_t(n + 2 * list_slack);
+}
 
 /// Which rays of `list` meet which children of a node: theirs are written to child + i * stride.
 /// counts[i] gets how many.
@@ -59,7 +59,7 @@ inline void intersect_lists(const NodePlanes& node, const BoxRay* rays, const st
 
 /// Calls on_leaf(item, list, count) for the leaves that the `count` rays in `list` may meet; their
 /// directions have the same signs. rays[id].zmax may fall meanwhile. `along` is the direction by
-/// whose depth children are sorted; `room` holds list_room ids.
+/// whose depth children are sorted; `room` holds list_room(count) ids.
 template <class OnLeaf, class Prefetch>
 void walk_lists(const BvhNode* nodes, const BoxRay* rays, unsigned signs, const float (&along)[3],
                 const std::uint32_t* list, int count, std::uint32_t* room, OnLeaf&& on_leaf,

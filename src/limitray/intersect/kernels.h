@@ -23,6 +23,12 @@ struct GeometryView {
   Extent extent;                   // of the tree, about PatchBuffer::origin
   bool left_handed;
 };
+/// Null for a Bezier patch.
+template <class T>
+const PatchBump<T>* bump_of(const GeometryView<T>& g, std::uint32_t leaf) {
+  const std::uint32_t b = g.infos[leaf].bump;
+  return b == no_bump ? nullptr : g.bumps + b;
+}
 /// One placement of a mesh.
 struct InstanceView {
   std::uint32_t geometry;
@@ -37,6 +43,17 @@ struct SceneView {
   Extent extent;         // of the boxes in `nodes`
   bool use_newton;
 };
+
+/// Which rays of a batch to trace: first + order[0], first + order[1], ...
+struct RayNumbers {
+  std::size_t first;
+  std::span<const std::uint32_t> order;
+
+  std::size_t size() const { return order.size(); }
+  std::size_t operator[](std::size_t k) const { return first + order[k]; }
+};
+/// Most of them in one call.
+inline constexpr int max_rays_a_call = 8192;
 
 /// One intersection among all along a ray.
 struct Intersection {
@@ -58,14 +75,14 @@ struct Kernels {
   Box (*patch_bounds)(const PatchNet<float>&, const PatchBump<float>*, float padding);
   PatchModel<float> (*patch_model_f)(const PatchNet<float>&, const PatchBump<float>*);
   PatchModel<double> (*patch_model_d)(const PatchNet<double>&, const PatchBump<double>*);
-  void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, std::size_t begin,
-                    std::size_t end, const HitArrays<float>&, Statistics&);
-  void (*closest_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t begin,
-                    std::size_t end, const HitArrays<double>&, Statistics&);
-  void (*occluded_f)(const SceneView<float>&, const RayBatch<float>&, std::size_t begin,
-                     std::size_t end, std::uint8_t*, Statistics&);
-  void (*occluded_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t begin,
-                     std::size_t end, std::uint8_t*, Statistics&);
+  void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, RayNumbers,
+                    const HitArrays<float>&, Statistics&);
+  void (*closest_d)(const SceneView<double>&, const RayBatch<double>&, RayNumbers,
+                    const HitArrays<double>&, Statistics&);
+  void (*occluded_f)(const SceneView<float>&, const RayBatch<float>&, RayNumbers, std::uint8_t*,
+                     Statistics&);
+  void (*occluded_d)(const SceneView<double>&, const RayBatch<double>&, RayNumbers, std::uint8_t*,
+                     Statistics&);
   /// All intersections of ray `i`, in no order, duplicates at shared borders included.
   void (*all_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t i,
                 std::vector<Intersection>&, Statistics&);

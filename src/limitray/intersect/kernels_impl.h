@@ -42,25 +42,25 @@ void trace_ray(const SceneView<T>& scene, const ObjectRay& ray, SceneWalk<T>& wa
     trace_walk<false>(scene, walk, on_hit, count, stats);
 }
 
-/// Traces rays begin..end of a batch: float rays side by side, others one by one. on_hit(RayQuery,
+/// Traces some rays of a batch: float rays side by side, others one by one. on_hit(RayQuery,
 /// LeafHit) as in RayQuery::report; on_end(i, RayQuery::best) is called once for each ray.
 template <class T, class OnHit, class OnEnd>
-void trace(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin, std::size_t end,
-           OnHit&& on_hit, OnEnd&& on_end, Statistics& stats) {
+void trace(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers, OnHit&& on_hit,
+           OnEnd&& on_end, Statistics& stats) {
   PatchCounters count;
   if constexpr (std::is_same_v<T, float>) {
     if (scene.use_newton) {
-      RayStream(scene, rays, on_hit, on_end, count, stats.node_visits).trace(begin, end);
-      return add_counts(stats, count, end - begin);
+      RayStream(scene, rays, numbers, on_hit, on_end, count, stats.node_visits).trace();
+      return add_counts(stats, count, numbers.size());
     }
   }
   SceneWalk<T> walk;
   const auto hit = [&](const LeafHit<T>& h) { return on_hit(walk.query, h); };
-  for (std::size_t i = begin; i < end; ++i) {
-    trace_ray(scene, load_ray(rays, i), walk, hit, count, stats);
-    on_end(i, walk.query.best);
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    trace_ray(scene, load_ray(rays, numbers[k]), walk, hit, count, stats);
+    on_end(numbers[k], walk.query.best);
   }
-  add_counts(stats, count, end - begin);
+  add_counts(stats, count, numbers.size());
 }
 
 template <class T>
@@ -133,10 +133,10 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const RayBatch<
 }
 
 template <class T>
-void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin, std::size_t end,
+void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers,
              const HitArrays<T>& hits, Statistics& stats) {
   trace<T>(
-      scene, rays, begin, end,
+      scene, rays, numbers,
       [](RayQuery<T>& q, const LeafHit<T>& h) {
         q.best.merge(h);
         q.reach = std::min(q.tfar, q.best.t + q.best.spread);
@@ -152,10 +152,10 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t beg
 }
 
 template <class T>
-void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, std::size_t begin,
-              std::size_t end, std::uint8_t* out, Statistics& stats) {
+void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers,
+              std::uint8_t* out, Statistics& stats) {
   trace<T>(
-      scene, rays, begin, end,
+      scene, rays, numbers,
       [](RayQuery<T>& q, const LeafHit<T>& h) {
         q.best = h;
         return true;

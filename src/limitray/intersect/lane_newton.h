@@ -74,34 +74,16 @@ inline LaneMask misses(const LanePatch& p, const LaneNet& n, const Contraction<L
          beyond(v_lo, v_hi, e_v);
 }
 
-/// Rays of one kind, and the patches at which they stand.
-struct LanePatches {
-  RayKind kind;
-  bool same;  // all stand at one patch
-  bool any_bump = false;
-  const LaneRay* rays[lane_count];
-  const PatchModel<float>* models[lane_count];
-  const PatchNet<float>* nets[lane_count];
-  const PatchBump<float>* bumps[lane_count];  // null for a Bezier patch
-
-  LanePatches(RayKind all, bool one_patch) : kind(all), same(one_patch) {}
-  void set(int lane, const PatchModel<float>* model, const PatchNet<float>* net,
-           const PatchBump<float>* bump, const LaneRay* ray) {
-    models[lane] = model, nets[lane] = net, bumps[lane] = bump, rays[lane] = ray;
-    any_bump |= bump != nullptr;
-  }
-};
-
 /// What the models say, one bit a lane: no hit between zmin and zmax; at most one hit.
 struct LaneVerdict {
   unsigned missed, decided;
 };
-inline LaneVerdict test_models(const LanePatches& p, unsigned waiting) {
-  const LaneFrames frames(p.kind, p.rays);
-  const LaneModels m = project(p.models, p.same, frames);
+inline LaneVerdict test_models(const LanePatches& p) {
+  const LaneFrames frames(p);
+  const LaneModels m = project(p, frames);
   const ModelTest<Lanes> test(m.projected);
-  return {waiting & bits_of(test.miss | m.projected.misses(frames.zmin, frames.zmax)),
-          waiting & bits_of(test.decided)};
+  return {p.waiting & bits_of(test.miss | m.projected.misses(frames.zmin, frames.zmax)),
+          p.waiting & bits_of(test.decided)};
 }
 
 /// One bit a lane; who is in neither is undecided. `u`, `v`, `z`, `spread`: PatchRoot's, for `met`.
@@ -117,13 +99,12 @@ struct LaneOutcome {
   }
 };
 
-/// S8 for the rays in `waiting` on whole patches, then on parts of them.
+/// S8 on whole patches, and on parts of them.
 class LaneSolver {
  public:
-  LaneSolver(const LanePatches& p, unsigned waiting)
-      : waiting_(waiting), frames_(p.kind, p.rays), m_(project(p.models, p.same, frames_)) {
-    to_ray_frame(p.nets, p.same, frames_, m_.projected, patch_);
-    if (p.any_bump) bumps_to_ray_frame(p.bumps, frames_, patch_);
+  explicit LaneSolver(const LanePatches& p)
+      : waiting_(p.waiting), frames_(p), m_(project(p, frames_)) {
+    to_ray_frame(p, frames_, m_.projected, patch_);
   }
 
   LaneOutcome solve(PatchCounters& count) const {

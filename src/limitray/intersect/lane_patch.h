@@ -5,6 +5,7 @@
 // control values by rows, then columns.
 #pragma once
 
+#include "limitray/intersect/kernels.h"
 #include "limitray/intersect/root_patch.h"
 
 namespace limitray {
@@ -28,16 +29,36 @@ struct alignas(32) LaneRay {
   float org_x, org_y, org_z, shear_x, shear_y, eps, zmin, zmax;
 };
 
+/// A ray and a patch whose box it meets: their places in LanePatches::rays and in the mesh.
+struct Meeting {
+  std::uint32_t ray, leaf;
+};
+/// Meetings of rays of one kind, one in each lane.
+struct LanePatches {
+  const GeometryView<float>& mesh;
+  const LaneRay* rays;
+  RayKind kind;
+  unsigned waiting;  // the lanes that have a meeting, one bit a lane
+  bool same;         // all are with one patch
+  Meeting of[lane_count];
+
+  /// Those with a patch must lie together.
+  LanePatches(const GeometryView<float>& g, const LaneRay* r, RayKind k, const Meeting* m, int count)
+      : mesh(g), rays(r), kind(k), waiting((1u << count) - 1), same(m[0].leaf == m[count - 1].leaf) {
+    // A lane without a ray repeats another one's meeting; nobody looks at what comes out.
+    for (int j = 0; j < lane_count; ++j) of[j] = m[j < count ? j : 0];
+  }
+};
+
 /// PatchRay's frame, one for each lane.
 struct LaneFrames {
   RayKind kind;
   float sign_z;
   Lanes org_x, org_y, org_z, shear_x, shear_y, zmin, zmax, eps, eps_z;
 
-  LaneFrames(RayKind all, const LaneRay* const (&rays)[lane_count])
-      : kind(all), sign_z(all.sign_z()) {
+  explicit LaneFrames(const LanePatches& p) : kind(p.kind), sign_z(p.kind.sign_z()) {
     const float* rows[lane_count];
-    for (int j = 0; j < lane_count; ++j) rows[j] = &rays[j]->org_x;
+    for (int j = 0; j < lane_count; ++j) rows[j] = &p.rays[p.of[j].ray].org_x;
     Lanes m[8];
     load_by_lane(rows, m);
     org_x = m[0], org_y = m[1], org_z = m[2], shear_x = m[3], shear_y = m[4];
@@ -57,12 +78,11 @@ struct LaneModels {
   ProjectedModel<Lanes> projected;
   Lanes curvature;
 };
-inline LaneModels project(const PatchModel<float>* const (&models)[lane_count], bool same,
-                          const LaneFrames& frames) {
+inline LaneModels project(const LanePatches& p, const LaneFrames& frames) {
   const float* rows[lane_count];
-  for (int j = 0; j < lane_count; ++j) rows[j] = &models[j]->axis[0].p;
+  for (int j = 0; j < lane_count; ++j) rows[j] = &p.mesh.models[p.of[j].leaf].axis[0].p;
   Lanes m[16];
-  load_values(rows, same, m);
+  load_values(rows, p.same, m);
   const auto axis = [&](int a) {
     // Two HalfBounds: the low half and the high half of a word.
     const LaneBits d = LaneBits(m[4 * a + 3]);
@@ -84,29 +104,13 @@ struct LanePatch : LaneNet {
   bool any_bump = false;
   Lanes bump_x[4], bump_y[4], bump_z[4];
 };
-inline void to_ray_frame(const PatchNet<float>* const (&nets)[lane_count], bool same,
-                         const LaneFrames& f, const ProjectedModel<Lanes>& m, LanePatch& p) {
-  const float *x[lane_count], *y[lane_count], *z[lane_count];
+inline void bumps_to_ray_frame(const LanePatches& lanes, const LaneFrames& f, LanePatch& p) {
+  const PatchBump<float>* bumps[lane_count];
   for (int j = 0; j < lane_count; ++j) {
-    x[j] = nets[j]->c[f.kind.axis_x()];
-    y[j] = nets[j]->c[f.kind.axis_y()];
-    z[j] = nets[j]->c[f.kind.axis_z];
+    bumps[j] = bump_of(lanes.mesh, lanes.of[j].leaf);
+    p.any_bump |= bumps[j] != nullptr;
   }
-  load_values(x, same, p.x);
-  load_values(y, same, p.y);
-  load_values(z, same, p.z);
-  for (int i = 0; i < 16; ++i) {
-    const Lanes depth = p.z[i] - f.org_z;
-    p.x[i] = p.x[i] - f.org_x + f.shear_x * depth;
-    p.y[i] = p.y[i] - f.org_y + f.shear_y * depth;
-    p.z[i] = f.sign_z * depth;
-  }
-  p.eps_x = m.eps_x, p.eps_y = m.eps_y;
-}
-/// The same for the bumps; null for a Bezier patch.
-inline void bumps_to_ray_frame(const PatchBump<float>* const (&bumps)[lane_count],
-                               const LaneFrames& f, LanePatch& p) {
-  p.any_bump = true;
+  if (!p.any_bump) return;
   for (int k = 0; k < 4; ++k) {
     alignas(Lanes) float x[lane_count], y[lane_count], z[lane_count];
     for (int j = 0; j < lane_count; ++j) {
@@ -119,6 +123,26 @@ inline void bumps_to_ray_frame(const PatchBump<float>* const (&bumps)[lane_count
     p.bump_z[k] = f.sign_z * depth;
   }
 }
+inline void to_ray_frame(const LanePatches& lanes, const LaneFrames& f,
+                         const ProjectedModel<Lanes>& m, LanePatch& p) {
+  const float *x[lane_count], *y[lane_count], *z[lane_count];
+  for (int j = 0; j < lane_count; ++j) {
+    const PatchNet<float>& net = lanes.mesh.nets[lanes.of[j].leaf];
+    x[j] = net.c[f.kind.axis_x()], y[j] = net.c[f.kind.axis_y()], z[j] = net.c[f.kind.axis_z];
+  }
+  load_values(x, lanes.same, p.x);
+  load_values(y, lanes.same, p.y);
+  load_values(z, lanes.same, p.z);
+  for (int i = 0; i < 16; ++i) {
+    const Lanes depth = p.z[i] - f.org_z;
+    p.x[i] = p.x[i] - f.org_x + f.shear_x * depth;
+    p.y[i] = p.y[i] - f.org_y + f.shear_y * depth;
+    p.z[i] = f.sign_z * depth;
+  }
+  p.eps_x = m.eps_x, p.eps_y = m.eps_y;
+  bumps_to_ray_frame(lanes, f, p);
+}
+
 /// S3: half of a net, by de Casteljau; `step` is 1 across u, 4 across v.
 inline void take_half(const Lanes (&n)[16], int step, bool high, Lanes (&out)[16]) {
   for (int row = 0; row < 4; ++row) {

@@ -69,12 +69,12 @@ struct LaneFrameMaker {
 /// to for rays that miss the tree.
 struct RaySpace {
   int count = 0;
-  BoxRay boxes[max_walk_rays + 1];
-  LaneRay rays[max_walk_rays + 1];
-  RayDepth<float> depths[max_walk_rays + 1];
-  std::uint8_t kinds[max_walk_rays + 1];
-  RayId stream_ids[max_walk_rays + 1];
-  RayId by_kind[max_walk_rays + list_slack];  // our rays, sorted
+  BoxRay boxes[max_rays_a_call + 1];
+  LaneRay rays[max_rays_a_call + 1];
+  RayDepth<float> depths[max_rays_a_call + 1];
+  std::uint8_t kinds[max_rays_a_call + 1];
+  RayId stream_ids[max_rays_a_call + 1];
+  RayId by_kind[max_rays_a_call + list_slack];  // our rays, sorted
   int kind_begin[RayKind::count + 1];         // where those of a kind begin
 
   /// Appends those of `here` rays that meet the tree.
@@ -84,7 +84,7 @@ struct RaySpace {
     const LaneBits kind = f.kinds();
     for (int j = 0; j < lane_count; ++j) {
       const bool meets = j < here && (f.meets >> j & 1);
-      place[j] = meets ? next : max_walk_rays;
+      place[j] = meets ? next : max_rays_a_call;
       next += meets;
       lane_rows[j] = &rays[place[j]].org_x, box_rows[j] = &boxes[place[j]].inv[0];
       depths[place[j]] = f.depths[j];

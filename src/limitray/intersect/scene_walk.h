@@ -17,12 +17,6 @@ ObjectRay load_ray(const RayBatch<T>& b, std::size_t i) {
           double(b.tfar[b.tfar.size() == 1 ? 0 : i])};
 }
 
-template <class T>
-const PatchBump<T>* bump_of(const GeometryView<T>& g, std::uint32_t leaf) {
-  const std::uint32_t b = g.infos[leaf].bump;
-  return b == no_bump ? nullptr : g.bumps + b;
-}
-
 /// Where a ray met a patch.
 template <class T>
 struct LeafHit {

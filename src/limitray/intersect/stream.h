@@ -20,22 +20,15 @@
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
-/// A ray (its number in its space) and a patch whose box it meets.
-struct Meeting {
-  RayId ray;
-  std::uint32_t leaf;
-};
 /// What a stream works in; each thread keeps one.
 struct StreamRoom {
-  std::vector<RayId> order;
-  std::vector<std::uint8_t> keys;
-  RayQuery<float> queries[max_walk_rays];
+  RayQuery<float> queries[max_rays_a_call];
   RaySpace world, object;
-  std::unique_ptr<RayId[]> world_lists = std::make_unique_for_overwrite<RayId[]>(list_room);
-  std::unique_ptr<RayId[]> object_lists = std::make_unique_for_overwrite<RayId[]>(list_room);
-  RayId all[max_walk_rays];
-  std::vector<Meeting> undecided;
-  Meeting to_test[max_walk_rays + lane_count], to_solve[2 * lane_count];
+  std::unique_ptr<RayId[]> world_lists = std::make_unique_for_overwrite<RayId[]>(list_room(max_rays_a_call));
+  std::unique_ptr<RayId[]> object_lists = std::make_unique_for_overwrite<RayId[]>(list_room(max_rays_a_call));
+  RayId all[max_rays_a_call];
+  std::vector<Meeting> undecided, to_split;
+  Meeting to_test[max_rays_a_call + lane_count], to_solve[2 * lane_count];
   int tests = 0, solves = 0;
 
   static StreamRoom& of_this_thread() {
@@ -44,53 +37,25 @@ struct StreamRoom {
   }
 };
 
-/// Traces rays begin..end of a batch. on_hit(RayQuery, LeafHit) as in RayQuery::report; on_end(i,
-/// RayQuery::best) is called once for each ray.
+/// Traces some rays of a batch, at most max_rays_a_call. on_hit(RayQuery, LeafHit) as in
+/// RayQuery::report; on_end(i, RayQuery::best) is called once for each ray.
 template <class OnHit, class OnEnd>
 class RayStream {
  public:
-  RayStream(const SceneView<float>& scene, const RayBatch<float>& batch, OnHit on_hit, OnEnd on_end,
-            PatchCounters& counts, std::uint64_t& node_visits)
+  RayStream(const SceneView<float>& scene, const RayBatch<float>& batch, RayNumbers numbers,
+            OnHit on_hit, OnEnd on_end, PatchCounters& counts, std::uint64_t& node_visits)
       : scene_(scene),
         batch_(batch),
+        numbers_(numbers),
         on_hit_(on_hit),
         on_end_(on_end),
         counts_(counts),
         node_visits_(node_visits) {}
 
-  void trace(std::size_t begin, std::size_t end) {
-    begin_ = begin;
-    const int n = int(end - begin);
-    sort_by_direction(n);
-    for (int k = 0; k < n; k += max_walk_rays)
-      trace_some(room_.order.data() + k, std::min(max_walk_rays, n - k));
-  }
-
- private:
-  const float* ray_of(RayId stream_id) const { return batch_.rays.data() + 6 * index_of(stream_id); }
-  std::size_t index_of(RayId stream_id) const { return begin_ + ids_[stream_id]; }
-
-  /// Rays that go the same way share lists. This only makes the lists longer.
-  void sort_by_direction(int n) {
-    room_.order.resize(std::size_t(n));
-    room_.keys.resize(std::size_t(n));
-    int next[8] = {};
-    const float* rays = batch_.rays.data() + 6 * begin_;
-    for (int i = 0; i < n; ++i) {
-      const float* d = rays + 6 * std::size_t(i) + 3;
-      const int key = (d[0] < 0) + 2 * (d[1] < 0) + 4 * (d[2] < 0);
-      room_.keys[std::size_t(i)] = std::uint8_t(key);
-      ++next[key];
-    }
-    for (int key = 0, begin = 0; key < 8; ++key) begin += std::exchange(next[key], begin);
-    for (int i = 0; i < n; ++i)
-      room_.order[std::size_t(next[room_.keys[std::size_t(i)]]++)] = RayId(i);
-  }
-
-  void trace_some(const RayId* ids, int count) {
-    ids_ = ids;
+  void trace() {
+    const int count = int(numbers_.size());
     for (int i = 0; i < count; ++i) {
-      const std::size_t k = begin_ + ids[i];
+      const std::size_t k = number_of(RayId(i));
       room_.queries[i].begin(batch_.tnear[batch_.tnear.size() == 1 ? 0 : k],
                              batch_.tfar[batch_.tfar.size() == 1 ? 0 : k]);
       room_.all[i] = RayId(i);
@@ -99,8 +64,12 @@ class RayStream {
       trace_instance(0, room_.all, count);
     else if (scene_.nodes)
       trace_instances(count);
-    for (int i = 0; i < count; ++i) on_end_(begin_ + ids[i], room_.queries[i].best);
+    for (int i = 0; i < count; ++i) on_end_(number_of(RayId(i)), room_.queries[i].best);
   }
+
+ private:
+  std::size_t number_of(RayId id) const { return numbers_[id]; }
+  const float* ray_of(RayId id) const { return batch_.rays.data() + 6 * number_of(id); }
 
   /// Walks through the tree of instances.
   void trace_instances(int count) {
@@ -142,7 +111,7 @@ class RayStream {
            });
       test_models(1);
       solve(1);
-      solve_undecided();
+      finish_undecided();
     }
   }
 
@@ -166,6 +135,8 @@ class RayStream {
     s.count = 0;
     for (int k = 0; k < count; k += lane_count) {
       const int here = std::min(lane_count, count - k);
+      for (int j = k + 2 * lane_count; j < std::min(count, k + 3 * lane_count); ++j)
+        __builtin_prefetch(ray_of(ids[j]));
       float last[8] = {};
       const float* rows[lane_count];
       alignas(Lanes) double tnear[lane_count], tfar[lane_count];
@@ -201,16 +172,8 @@ class RayStream {
     for (int i = 0; i < 3; ++i) org[i] = o[i] + in.to_object.offset[i], dir[i] = d[i];
   }
 
-  LanePatches gather(const Meeting* m, int count) const {
-    // A patch's rays come together, so the first and the last tell.
-    LanePatches p(kind_, m[0].leaf == m[count - 1].leaf);
-    for (int j = 0; j < lane_count; ++j) {
-      // A lane without a ray repeats another one's patch; nobody looks at what comes out.
-      const auto [ray, leaf] = m[j < count ? j : 0];
-      p.set(j, &geometry_->models[leaf], &geometry_->nets[leaf], bump_of(*geometry_, leaf),
-            &room_.object.rays[ray]);
-    }
-    return p;
+  LanePatches lanes_of(const Meeting* m, int count) const {
+    return {*geometry_, room_.object.rays, kind_, m, count};
   }
 
   /// Tests the waiting meetings by the models while there are `enough`.
@@ -219,11 +182,11 @@ class RayStream {
     while (room_.tests - done >= enough) {
       const Meeting* m = room_.to_test + done;
       const int n = std::min(lane_count, room_.tests - done);
-      const unsigned waiting = (1u << n) - 1;
       done += n;
       counts_.patch_tests += std::uint32_t(n);
-      const LaneVerdict v = limitray::test_models(gather(m, n), waiting);
-      for (unsigned left = waiting & ~v.missed; left; left &= left - 1) {
+      const LanePatches lanes = lanes_of(m, n);
+      const LaneVerdict v = limitray::test_models(lanes);
+      for (unsigned left = lanes.waiting & ~v.missed; left; left &= left - 1) {
         const int j = std::countr_zero(left);
         if (v.decided >> j & 1) {
           prefetch_patch(m[j].leaf);
@@ -252,35 +215,47 @@ class RayStream {
     std::copy(room_.to_solve + n, room_.to_solve + room_.solves, room_.to_solve);
     room_.solves -= n;
   }
-  void solve_undecided() {
-    const int count = int(room_.undecided.size());
-    for (int k = 0; k < count; k += lane_count)
-      solve(room_.undecided.data() + k, std::min(lane_count, count - k));
-    room_.undecided.clear();
-  }
   void solve(const Meeting* m, int n) {
-    const unsigned waiting = (1u << n) - 1;
-    const LaneSolver solver(gather(m, n), waiting);
-    const LaneOutcome whole = solver.solve(counts_);
-    unsigned undecided = waiting & ~(whole.met | whole.missed);
-    LaneOutcome quarters[4];
-    const unsigned split = undecided;
-    for (int q = 0; q < 4 && undecided; ++q) {
-      counts_.splits += std::uint32_t(std::popcount(split)) * (q < 3);
-      quarters[q] = solver.solve_quarter(q, undecided, counts_);
-      undecided &= quarters[q].met | quarters[q].missed;
-    }
-    // In order
-    for (unsigned left = waiting & ~whole.missed; left; left &= left - 1) {
+    const LanePatches lanes = lanes_of(m, n);
+    const LaneOutcome o = LaneSolver(lanes).solve(counts_);
+    for (unsigned left = lanes.waiting & ~o.missed; left; left &= left - 1) {
       const int j = std::countr_zero(left);
-      if (whole.met >> j & 1) {
-        report(m[j], whole.root(j));
-      } else if (undecided >> j & 1) {
-        for (const LaneOutcome& q : quarters)
-          if (q.met >> j & 1) report(m[j], q.root(j));
-      } else {
+      if (o.met >> j & 1)
+        report(m[j], o.root(j));
+      else
+        room_.to_split.push_back(m[j]);
+    }
+  }
+
+  /// What the models leave undecided: by the nets, then in quarters, then by bisection.
+  void finish_undecided() {
+    for_each_register(room_.undecided, [&](const Meeting* m, int n) { solve(m, n); });
+    for_each_register(room_.to_split, [&](const Meeting* m, int n) { split(m, n); });
+  }
+  template <class F>
+  void for_each_register(std::vector<Meeting>& list, F&& f) {
+    const int count = int(list.size());
+    for (int k = 0; k < count; k += lane_count)
+      f(list.data() + k, std::min(lane_count, count - k));
+    list.clear();
+  }
+  void split(const Meeting* m, int n) {
+    const LanePatches lanes = lanes_of(m, n);
+    const LaneSolver solver(lanes);
+    LaneOutcome quarters[4];
+    unsigned decided = lanes.waiting;
+    for (int q = 0; q < 4 && decided; ++q) {
+      quarters[q] = solver.solve_quarter(q, decided, counts_);
+      decided &= quarters[q].met | quarters[q].missed;
+    }
+    counts_.splits += 3 * std::uint32_t(n);
+    for (int j = 0; j < n; ++j) {
+      if (!(decided >> j & 1)) {
         bisect(m[j]);
+        continue;
       }
+      for (const LaneOutcome& q : quarters)
+        if (q.met >> j & 1) report(m[j], q.root(j));
     }
   }
 
@@ -298,12 +273,12 @@ class RayStream {
     return ended;
   }
 
-  /// What S8 leaves undecided. Splits are limited a ray.
+  /// Splits are limited a ray.
   void bisect(const Meeting& m) {
     const RayId id = room_.object.stream_ids[m.ray];
     RayQuery<float>& q = room_.queries[id];
     PatchRay<float> frame;
-    ObjectRay ray = local_ray(scene_.instances[instance_], load_ray(batch_, index_of(id)));
+    ObjectRay ray = local_ray(scene_.instances[instance_], load_ray(batch_, number_of(id)));
     ray.tfar = q.reach;
     if (!make_patch_ray(ray, geometry_->extent, frame)) return;
     counts_.before_ray = counts_.splits - q.splits;
@@ -321,13 +296,12 @@ class RayStream {
 
   const SceneView<float>& scene_;
   const RayBatch<float>& batch_;
+  const RayNumbers numbers_;
   OnHit on_hit_;
   OnEnd on_end_;
   PatchCounters& counts_;
   std::uint64_t& node_visits_;
   StreamRoom& room_ = StreamRoom::of_this_thread();
-  std::size_t begin_ = 0;       // of the rays being traced, in the batch
-  const RayId* ids_ = nullptr;  // which of them are in the stream
   std::uint32_t instance_ = 0;
   const GeometryView<float>* geometry_ = nullptr;
   RayKind kind_{0};
