@@ -92,9 +92,9 @@ void expect_rays_meet_their_boxes(double size) {
       ObjectRay ray{target - far * d, d};
       PatchRay<T> r;
       ASSERT_TRUE(make_patch_ray(ray, test::extent_of(size), r));
+      const BoxRay b = make_box_ray(r);
       Simd<float, 8> entry;
-      const unsigned met = intersect_boxes(node, BoxRays(make_box_ray(r)), -float_up(-r.zmin),
-                                           float_up(r.zmax), entry);
+      const unsigned met = intersect_boxes(NodePlanes(node, b.signs()), b, b.zmax, entry);
       ASSERT_TRUE(met >> k & 1) << round << " " << k;
     }
   }
@@ -114,8 +114,9 @@ TEST(BoundsTest, AbsentChildrenAreNeverMet) {
   for (int round = 0; round < 1000 / test::rounds_divisor; ++round) {
     PatchRay<float> r;
     ASSERT_TRUE(make_patch_ray({{0, 0, 0}, awkward_direction(g)}, test::extent_of(1), r));
+    const BoxRay b = make_box_ray(r);
     Simd<float, 8> entry;
-    ASSERT_EQ(intersect_boxes(node_of(boxes), BoxRays(make_box_ray(r)), r.zmin, r.zmax, entry), 0u);
+    ASSERT_EQ(intersect_boxes(NodePlanes(node_of(boxes), b.signs()), b, b.zmax, entry), 0u);
   }
 }
 

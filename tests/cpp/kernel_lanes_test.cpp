@@ -1,5 +1,5 @@
-// Several rays side by side (math/lanes.h, lane_patch.h, lane_newton.h) against one ray alone, and
-// against known points: what a lane says of its ray is what the ray would hear by itself.
+// Several rays side by side (math/lanes.h, ray_space.h, lane_patch.h, lane_newton.h) against one ray
+// alone, and against known points: what a lane says of its ray is what the ray would hear by itself.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +9,7 @@
 
 #include "../support/trace_patch.h"
 #include "limitray/intersect/lane_newton.h"
+#include "limitray/intersect/ray_space.h"
 
 namespace limitray {
 namespace {
@@ -24,6 +25,30 @@ TEST(LanesTest, LoadByLaneTransposes) {
   load_by_lane(rows, by_lane);
   for (int j = 0; j < lane_count; ++j)
     for (int i = 0; i < 16; ++i) ASSERT_EQ(lane_of(by_lane[i], j), values[j][i]) << j << " " << i;
+}
+
+TEST(LanesTest, EightValuesAreTransposedThereAndBack) {
+  float values[lane_count][8], back[lane_count][8];
+  const float* rows[lane_count];
+  float* written[lane_count];
+  for (int j = 0; j < lane_count; ++j) {
+    for (int i = 0; i < 8; ++i) values[j][i] = float(100 * j + i);
+    rows[j] = values[j], written[j] = back[j];
+  }
+  Lanes by_lane[8];
+  load_by_lane(rows, by_lane);
+  for (int j = 0; j < lane_count; ++j)
+    for (int i = 0; i < 8; ++i) ASSERT_EQ(lane_of(by_lane[i], j), values[j][i]) << j << " " << i;
+  store_by_lane(by_lane, written);
+  for (int j = 0; j < lane_count; ++j)
+    for (int i = 0; i < 8; ++i) ASSERT_EQ(back[j][i], values[j][i]) << j << " " << i;
+}
+
+TEST(LanesTest, DoublesAreJoinedAndHalved) {
+  Lanes v;
+  for (int j = 0; j < lane_count; ++j) v[j] = float(j) + 0.5f;
+  const Lanes same = join(half_of(v, false), half_of(v, true));
+  for (int j = 0; j < lane_count; ++j) ASSERT_EQ(lane_of(same, j), lane_of(v, j));
 }
 
 TEST(LanesTest, MasksAndBits) {
@@ -50,96 +75,182 @@ ObjectRay any_ray(test::Generator& g, int kind) {
   return r;
 }
 
+/// The frames of two halves of `rays`, as rays of a batch get them.
+LaneFrameMaker frames_of(const ObjectRay (&rays)[lane_count]) {
+  const auto frame = [&](int first) {
+    alignas(HalfLanes) double values[8][lane_count / 2];
+    for (int j = 0; j < lane_count / 2; ++j) {
+      const ObjectRay& r = rays[first + j];
+      for (int i = 0; i < 3; ++i) values[i][j] = r.org[i], values[3 + i][j] = r.dir[i];
+      values[6][j] = r.tnear, values[7][j] = r.tfar;
+    }
+    HalfLanes v[8];
+    std::memcpy(v, values, sizeof(v));
+    return RayFrame<HalfLanes, float>({v[0], v[1], v[2]}, {v[3], v[4], v[5]}, v[6], v[7],
+                                      test::extent_of(1));
+  };
+  return {frame(0), frame(lane_count / 2)};
+}
+
 TEST(LanesTest, FramesAreThoseOfOneRay) {
-  constexpr int n = lane_count / 2;
   test::Generator g{3};
   int met = 0;
-  for (int round = 0; round < 2000 / test::rounds_divisor; ++round) {
-    ObjectRay rays[n];
-    HalfLanes org[3], dir[3], tnear, tfar;
-    for (int j = 0; j < n; ++j) {
-      rays[j] = any_ray(g, n * round + j);
-      for (int i = 0; i < 3; ++i) org[i][j] = rays[j].org[i], dir[i][j] = rays[j].dir[i];
-      tnear[j] = rays[j].tnear, tfar[j] = rays[j].tfar;
-    }
-    const RayFrame<HalfLanes, float> f(org, dir, tnear, tfar, test::extent_of(1));
-    for (int j = 0; j < n; ++j) {
-      PatchRay<float> alone, beside;
-      const bool meets = make_patch_ray(rays[j], test::extent_of(1), alone);
-      ASSERT_EQ(bool(bits_of(f.meets) >> j & 1), meets) << round << " " << j;
-      if (!meets) continue;
+  const auto space = std::make_unique<RaySpace>();
+  for (int round = 0; round < 1000 / test::rounds_divisor; ++round) {
+    ObjectRay rays[lane_count];
+    RayId ids[lane_count];
+    for (int j = 0; j < lane_count; ++j) rays[j] = any_ray(g, lane_count * round + j), ids[j] = 7 + j;
+    const int here = 1 + int(g() % lane_count);
+    space->count = 0;
+    space->add(frames_of(rays), ids, here);
+    int k = 0;
+    for (int j = 0; j < here; ++j) {
+      PatchRay<float> alone;
+      if (!make_patch_ray(rays[j], test::extent_of(1), alone)) continue;
       ++met;
-      f.store(j, beside);
+      ASSERT_LT(k, space->count);
+      ASSERT_EQ(space->stream_ids[k], ids[j]);
+      const LaneRay& lane = space->rays[k];
+      const RayDepth<float>& depth = space->depths[k];
+      const BoxRay &box = space->boxes[k], box_alone = make_box_ray(alone);
+      const RayKind kind(space->kinds[k]);
       // The compiler may fuse other multiplications and additions.
       const auto same = [](double a, double b) {
         EXPECT_LE(std::abs(a - b), 1e-6 * (std::abs(a) + 1)) << a << " " << b;
       };
-      EXPECT_EQ(alone.axis_z, beside.axis_z);
-      same(alone.org_x, beside.org_x), same(alone.org_y, beside.org_y);
-      same(alone.org_z, beside.org_z), same(alone.shear_x, beside.shear_x);
-      same(alone.shear_y, beside.shear_y), same(alone.sign_z, beside.sign_z);
-      same(alone.eps / beside.eps, 1), same(alone.eps_z / beside.eps_z, 1);
-      same(alone.zmin / beside.zmin, 1), same(alone.zmax / beside.zmax, 1);
-      same(alone.t_scale / beside.t_scale, 1), same(alone.z_scale / beside.z_scale, 1);
-      same(alone.t_origin / (1 + alone.t_origin), beside.t_origin / (1 + alone.t_origin));
+      EXPECT_EQ(kind.axis_x(), alone.axis_x);
+      EXPECT_EQ(kind.axis_y(), alone.axis_y);
+      EXPECT_EQ(kind.axis_z, alone.axis_z);
+      EXPECT_EQ(kind.sign_z(), alone.sign_z);
+      EXPECT_EQ(kind.signs, box_alone.signs());
+      EXPECT_EQ(kind.signs, box.signs());
+      same(alone.org_x, lane.org_x), same(alone.org_y, lane.org_y), same(alone.org_z, lane.org_z);
+      same(alone.shear_x, lane.shear_x), same(alone.shear_y, lane.shear_y);
+      same(alone.eps / lane.eps, 1), same(alone.eps_z / depth.eps_z, 1);
+      same(alone.zmin / lane.zmin, 1), same(alone.zmax / lane.zmax, 1);
+      same(alone.t_scale / depth.t_scale, 1), same(alone.z_scale / depth.z_scale, 1);
+      same(alone.t_origin / (1 + alone.t_origin), depth.t_origin / (1 + alone.t_origin));
+      for (int i = 0; i < 3; ++i) {
+        same(box_alone.inv[i] / box.inv[i], 1);
+        same(box_alone.org_inv[i] / box.inv[i], box.org_inv[i] / box.inv[i]);
+      }
+      EXPECT_EQ(box.zmin, lane.zmin);
+      EXPECT_EQ(box.zmax, lane.zmax);
+      ++k;
     }
+    ASSERT_EQ(k, space->count);
   }
   EXPECT_GT(met, 500 / test::rounds_divisor);
 }
 
-/// A patch in each lane and a ray aimed at a point of it.
+TEST(LanesTest, RaysAreSortedByKind) {
+  test::Generator g{5};
+  const auto space = std::make_unique<RaySpace>();
+  space->count = 1000;
+  for (int k = 0; k < space->count; ++k) space->kinds[k] = std::uint8_t(g() % RayKind::count);
+  space->sort_by_kind();
+  EXPECT_EQ(space->kind_begin[0], 0);
+  EXPECT_EQ(space->kind_begin[RayKind::count], space->count);
+  for (int kind = 0; kind < RayKind::count; ++kind)
+    for (int k = space->kind_begin[kind]; k < space->kind_begin[kind + 1]; ++k) {
+      ASSERT_EQ(space->kinds[space->by_kind[k]], kind);
+      if (k > space->kind_begin[kind]) {
+        ASSERT_LT(space->by_kind[k - 1], space->by_kind[k]);
+      }
+    }
+}
+
+/// A direction of one kind.
+Vec3d direction_of(test::Generator& g, RayKind kind) {
+  Vec3d d = test::random_direction(g);
+  for (int i = 0; i < 3; ++i)
+    if (std::abs(d[i]) > std::abs(d[kind.axis_z])) std::swap(d[i], d[kind.axis_z]);
+  for (int i = 0; i < 3; ++i) d[i] = kind.signs >> i & 1 ? -std::abs(d[i]) : std::abs(d[i]);
+  return d;
+}
+
+/// A patch in each lane, or one for all, and a ray aimed at a point of it; all rays are of a kind.
 struct Scenario {
+  RayKind kind;
+  bool same;
   std::vector<test::RoundedPatch<float>> patch;
-  PatchModel<float> model[lane_count];
+  std::vector<PatchNet<float>> nets;
+  std::vector<PatchBump<float>> bumps;
+  std::vector<PatchInfo> infos;
+  std::vector<PatchModel<float>> models;
   PatchRay<float> ray[lane_count];
+  LaneRay lane_ray[lane_count];
   ObjectRay object_ray[lane_count];
   double u[lane_count], v[lane_count], t[lane_count];
-  LanePatches patches;
-  LaneFrames frames{};
+  Meeting meetings[lane_count];
+  GeometryView<float> mesh{};
 
-  Scenario(test::Generator& g, test::Shape shape) {
-    patch.reserve(lane_count);
+  Scenario(test::Generator& g, test::Shape shape, bool one_patch)
+      : kind(int(g() % RayKind::count)), same(one_patch) {
+    std::vector<test::Patch> exact;
     for (int j = 0; j < lane_count; ++j) {
-      const test::Patch p = test::random_patch(g, shape, g() % 2);
-      patch.emplace_back(p);
-      u[j] = g() % 4 ? test::uniform(g, 0, 1) : double(g() % 2);
-      v[j] = g() % 4 ? test::uniform(g, 0, 1) : double(g() % 2);
-      const Vec3<Real> point = test::reference_point(p, u[j], v[j]);
-      const Vec3d target{double(point.x), double(point.y), double(point.z)};
-      t[j] = test::uniform(g, 0.5, 2);
-      object_ray[j].dir = 4.0 * test::random_direction(g);
-      object_ray[j].org = target - t[j] * object_ray[j].dir;
-      const double radius = test::radius_of(p);
-      EXPECT_TRUE(make_patch_ray(object_ray[j], test::extent_of(radius), ray[j]));
-      const PatchBump<float>* bump = patch.back().bump_or_null();
-      model[j] = make_patch_model(patch[j].net, bump);
-      patches.set(j, &model[j], &patch[j].net, bump, &ray[j]);
-      frames.set(j, ray[j]);
+      if (j == 0 || !same) exact.push_back(test::random_patch(g, shape, g() % 2));
+      add_ray(g, exact.back(), j);
     }
+    for (const test::Patch& p : exact) add_patch(p);
+    mesh.nets = nets.data(), mesh.bumps = bumps.data(), mesh.infos = infos.data();
+    mesh.models = models.data();
+  }
+  void add_ray(test::Generator& g, const test::Patch& p, int j) {
+    u[j] = g() % 4 ? test::uniform(g, 0, 1) : double(g() % 2);
+    v[j] = g() % 4 ? test::uniform(g, 0, 1) : double(g() % 2);
+    const Vec3<Real> point = test::reference_point(p, u[j], v[j]);
+    const Vec3d target{double(point.x), double(point.y), double(point.z)};
+    t[j] = test::uniform(g, 0.5, 2);
+    object_ray[j].dir = 4.0 * direction_of(g, kind);
+    object_ray[j].org = target - t[j] * object_ray[j].dir;
+    PatchRay<float>& r = ray[j];
+    EXPECT_TRUE(make_patch_ray(object_ray[j], test::extent_of(test::radius_of(p)), r));
+    lane_ray[j] = {r.org_x, r.org_y, r.org_z, r.shear_x, r.shear_y, r.eps, r.zmin, r.zmax};
+    meetings[j] = {std::uint32_t(j), same ? 0 : std::uint32_t(j)};
+  }
+  void add_patch(const test::Patch& p) {
+    patch.emplace_back(p);
+    const PatchBump<float>* bump = patch.back().bump_or_null();
+    nets.push_back(patch.back().net), infos.push_back({});
+    if (bump) infos.back().bump = std::uint32_t(bumps.size()), bumps.push_back(*bump);
+    models.push_back(make_patch_model(nets.back(), bump));
+  }
+  LanePatches lanes(int count = lane_count) const {
+    return {mesh, lane_ray, kind, meetings, count};
+  }
+  std::uint32_t leaf(int j) const { return meetings[j].leaf; }
+  ProjectedModel<float> model(int j) const { return project(models[leaf(j)], ray[j]); }
+  /// Whether a root in lane j is the point that was aimed at.
+  void expect_target(const LaneOutcome& o, int j) const {
+    const double z = (t[j] - ray[j].t_origin) * ray[j].z_scale;
+    const ProjectedModel<float> m = model(j);
+    EXPECT_LE(std::abs(o.z[j] - z), o.spread[j] + m.eps_z + std::min(m.eps_x, m.eps_y)) << j;
   }
 };
 
 TEST(LanesTest, ValuesAreThoseOfOneRay) {
   test::Generator g{11};
   for (int round = 0; round < 400 / test::rounds_divisor; ++round) {
-    const auto s = std::make_unique<Scenario>(g, test::all_shapes[round % 8]);
-    const LaneModels m = project(s->patches.models, s->frames);
+    const auto s = std::make_unique<Scenario>(g, test::all_shapes[round % 8], round % 3 == 0);
+    const LanePatches patches = s->lanes();
+    ASSERT_EQ(patches.same, s->same);
+    const LaneFrames frames(patches);
+    const LaneModels m = project(patches, frames);
     LanePatch lanes;
-    to_ray_frame(s->patches.nets, s->patches.rays, s->frames, m.projected, lanes);
-    if (s->patches.any_bump)
-      bumps_to_ray_frame(s->patches.bumps, s->patches.rays, s->frames, lanes);
+    to_ray_frame(patches, frames, m.projected, lanes);
     Lanes u, v;
     for (int j = 0; j < lane_count; ++j) u[j] = float(s->u[j]), v[j] = float(s->v[j]);
     const RaySample<Lanes> across = evaluate(lanes, u, v);
     const DepthSample<Lanes> along = evaluate_depth(lanes, u, v);
     for (int j = 0; j < lane_count; ++j) {
-      const ProjectedModel<float> one = project(s->model[j], s->ray[j]);
+      const ProjectedModel<float> one = s->model(j);
       const RootPatch<float> root =
-          to_ray_frame(s->patch[j].net, s->patches.bumps[j], s->ray[j], one);
+          to_ray_frame(s->nets[s->leaf(j)], bump_of(s->mesh, s->leaf(j)), s->ray[j], one);
       EXPECT_LE(std::abs(lane_of(m.projected.x, j) - one.x), one.eps_x);
       EXPECT_LE(std::abs(lane_of(m.projected.y, j) - one.y), one.eps_y);
       EXPECT_NEAR(lane_of(m.projected.eps_x, j) / one.eps_x, 1, 1e-5);
-      EXPECT_NEAR(lane_of(m.projected.eps_z, j) / one.eps_z, 1, 1e-5);
+      EXPECT_GE(lane_of(m.projected.eps_z, j) / one.eps_z, 1 - 1e-5);
       const RaySample<float> a = evaluate(root, u[j], v[j]);
       const DepthSample<float> d = evaluate_depth(root, u[j], v[j]);
       // Both are within eps of the exact values; derivatives within as many roundings of theirs.
@@ -155,35 +266,113 @@ TEST(LanesTest, ValuesAreThoseOfOneRay) {
   }
 }
 
+TEST(LanesTest, QuartersAreTheSameSurface) {
+  test::Generator g{13};
+  for (int round = 0; round < 200 / test::rounds_divisor; ++round) {
+    const auto s = std::make_unique<Scenario>(g, test::surface_shapes[round % 6], false);
+    const LaneFrames frames(s->lanes());
+    LanePatch whole;
+    to_ray_frame(s->lanes(), frames, project(s->lanes(), frames).projected, whole);
+    whole.any_bump = false;
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      LanePatch part = whole;
+      take_quarter(whole.x, quarter, part.x);
+      take_quarter(whole.y, quarter, part.y);
+      take_quarter(whole.z, quarter, part.z);
+      const Lanes u = Lanes{} + float(test::uniform(g, 0, 1));
+      const Lanes v = Lanes{} + float(test::uniform(g, 0, 1));
+      const Lanes u_whole = 0.5f * u + (quarter & 1 ? 0.5f : 0.0f);
+      const Lanes v_whole = 0.5f * v + (quarter & 2 ? 0.5f : 0.0f);
+      const RaySample<Lanes> a = evaluate(part, u, v), b = evaluate(whole, u_whole, v_whole);
+      const DepthSample<Lanes> c = evaluate_depth(part, u, v);
+      const DepthSample<Lanes> d = evaluate_depth(whole, u_whole, v_whole);
+      for (int j = 0; j < lane_count; ++j) {
+        const ProjectedModel<float> m = s->model(j);
+        ASSERT_LE(std::abs(lane_of(a.x, j) - lane_of(b.x, j)), 2 * m.eps_x);
+        ASSERT_LE(std::abs(lane_of(a.y, j) - lane_of(b.y, j)), 2 * m.eps_y);
+        ASSERT_LE(std::abs(lane_of(c.z, j) - lane_of(d.z, j)), 2 * m.eps_z);
+      }
+    }
+  }
+}
+
+/// The same lanes of two outcomes.
+void expect_same(const LaneOutcome& a, const LaneOutcome& b, int j) {
+  EXPECT_EQ(a.u[j], b.u[j]);
+  EXPECT_EQ(a.v[j], b.v[j]);
+  EXPECT_EQ(a.z[j], b.z[j]);
+  EXPECT_EQ(a.spread[j], b.spread[j]);
+}
+
 TEST(LanesTest, AimedRaysAreNeverMissedAndOtherLanesDoNotMatter) {
   test::Generator g{17};
   int met = 0, undecided = 0;
   for (int round = 0; round < 4000 / test::rounds_divisor; ++round) {
     const test::Shape shape = test::surface_shapes[round % 6];
-    const auto s = std::make_unique<Scenario>(g, shape);
-    const unsigned all = (1u << lane_count) - 1, some = unsigned(g()) & all;
+    const auto s = std::make_unique<Scenario>(g, shape, round % 3 == 0);
+    const LanePatches all = s->lanes(), some = s->lanes(1 + int(g() % lane_count));
     PatchCounters count;
-    const LaneOutcome o = newton_on_models(s->patches, s->frames, all, count);
-    EXPECT_EQ(count.patch_tests, unsigned(lane_count));
+    ASSERT_EQ(test_models(all).missed, 0u) << "round " << round << ", " << test::name_of(shape);
+    ASSERT_EQ(test_models(some).decided, test_models(all).decided & some.waiting);
+    const LaneOutcome o = LaneSolver(all).solve(count);
     ASSERT_EQ(o.missed, 0u) << "round " << round << ", " << test::name_of(shape);
     if (shape == test::Shape::smooth || shape == test::Shape::flat)
-      met += std::popcount(o.met), undecided += std::popcount(all & ~o.met);
-    const LaneOutcome part = newton_on_models(s->patches, s->frames, some, count);
-    ASSERT_EQ(part.met, o.met & some);
+      met += std::popcount(o.met), undecided += std::popcount(all.waiting & ~o.met);
+    const LaneOutcome part = LaneSolver(some).solve(count);
+    ASSERT_EQ(part.met, o.met & some.waiting);
     for (int j = 0; j < lane_count; ++j) {
-      if (!(o.met >> j & 1)) continue;
       // At most one hit is on the patch: the point that was aimed at.
-      const double z = (s->t[j] - s->ray[j].t_origin) * s->ray[j].z_scale;
-      const ProjectedModel<float> m = project(s->model[j], s->ray[j]);
-      EXPECT_LE(std::abs(o.z[j] - z), o.spread[j] + m.eps_z + std::min(m.eps_x, m.eps_y)) << j;
-      if (!(some >> j & 1)) continue;
-      EXPECT_EQ(part.u[j], o.u[j]);
-      EXPECT_EQ(part.v[j], o.v[j]);
-      EXPECT_EQ(part.z[j], o.z[j]);
-      EXPECT_EQ(part.spread[j], o.spread[j]);
+      if (o.met >> j & 1) s->expect_target(o, j);
+      if (part.met >> j & 1) expect_same(part, o, j);
     }
   }
   EXPECT_GT(4 * met, undecided) << "many are decided";
+}
+
+TEST(LanesTest, AimedRaysAreNotMissedByTheirQuarter) {
+  test::Generator g{19};
+  int met = 0, total = 0;
+  for (int round = 0; round < 3000 / test::rounds_divisor; ++round) {
+    const test::Shape shape = test::surface_shapes[round % 6];
+    const auto s = std::make_unique<Scenario>(g, shape, false);
+    const LaneSolver solver(s->lanes());
+    PatchCounters count;
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      const LaneOutcome o = solver.solve_quarter(quarter, s->lanes().waiting, count);
+      EXPECT_EQ(o.met & o.missed, 0u);
+      for (int j = 0; j < lane_count; ++j) {
+        if ((s->u[j] > 0.5) != bool(quarter & 1) || (s->v[j] > 0.5) != bool(quarter & 2)) continue;
+        ASSERT_FALSE(o.missed >> j & 1) << round << " " << j << " " << test::name_of(shape);
+        if (o.met >> j & 1) s->expect_target(o, j);
+        if (shape == test::Shape::smooth) met += o.met >> j & 1, ++total;
+      }
+    }
+  }
+  EXPECT_GT(4 * met, total) << "many are decided";
+}
+
+// What the model says of depth: a ray that ends before its target, or begins behind it, misses; one
+// that comes up to it does not.
+TEST(LanesTest, HeightsOverTheTangentPlaneHoldTheSurface) {
+  test::Generator g{23};
+  int culled = 0, rays = 0;
+  for (int round = 0; round < 2000 / test::rounds_divisor; ++round) {
+    const test::Shape shape = test::surface_shapes[round % 6];
+    const auto s = std::make_unique<Scenario>(g, shape, false);
+    for (int j = 0; j < lane_count; ++j) {
+      const ProjectedModel<float> m = s->model(j);
+      const float z = float((s->t[j] - s->ray[j].t_origin) * s->ray[j].z_scale);
+      const float e = m.eps_z + 4 * unit_roundoff<float> * std::abs(z);
+      const float far = 100;
+      ASSERT_FALSE(m.misses(z - e, z + e)) << round << " " << j << " " << test::name_of(shape);
+      ASSERT_FALSE(m.misses(-far, z + e));
+      ASSERT_FALSE(m.misses(z - e, far));
+      if (shape != test::Shape::flat) continue;
+      rays += 2;
+      culled += m.misses(z + 0.2f, far) + m.misses(-far, z - 0.2f);
+    }
+  }
+  EXPECT_GT(2 * culled, rays) << "a flat patch is culled by its plane";
 }
 
 }  // namespace

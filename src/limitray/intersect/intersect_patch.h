@@ -318,6 +318,7 @@ template <class T, bool use_newton, class OnHit>
   ++count.patch_tests;
   const ProjectedModel<T> m = project(model, ray);
   if constexpr (use_newton) {
+    if (m.misses(ray.zmin, zmax)) return;
     PatchRoot<T> r{};
     const NewtonResult result = newton_on_model(m, model.curvature, net, bump, ray, r,
                                                 count.newton_runs, count.newton_steps);
