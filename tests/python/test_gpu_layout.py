@@ -74,10 +74,8 @@ def test_python_sees_the_records_of_cpp():
     assert cpp.pop("PatchNet") == {"size": 4 * 3 * 16, "c": 0}
     assert cpp.pop("PatchBump") == {"size": 4 * 3 * 4, "c": 0}
     assert cpp.pop("PatchModel") == {"size": 64, "axis": 0, "curvature": 60}
-    assert cpp.pop("PatchModelAxis") == {
-        "size": 20,
-        **{name: 4 * i for i, name in enumerate(("p", "p_u", "p_v", "d_u", "d_v"))},
-    }
+    axis = {"p": 0, "p_u": 4, "p_v": 8, "d_u": 12, "d_v": 14}  # bounds in two bytes each
+    assert cpp.pop("PatchModelAxis") == {"size": 16, **axis}
     assert cpp.pop("BvhNode") == {"size": 224, "lo": 0, "hi": 96, "child": 192}
     assert cpp == {}
 
