@@ -94,7 +94,7 @@ bool misses_zero(const Net<T>& n, T slack) {
 /// Largest move of a net's interior by the whole bump: 0.0667 < 1/15 + rounding of each |bump|.
 template <class T>
 T bump_reach(const Quad<T>& bump) {
-  return T(0.067) * sum(abs(bump));
+  return bump_height<T> * sum(abs(bump));
 }
 
 /// S2: whether the ray certainly misses the patch between zmin and zmax.
