@@ -22,7 +22,8 @@ struct EmbreeSurface {
   PatchBuffer<float> patches;
   GeometryView<float> view;   // of `patches`
   std::vector<bool> is_quad;  // one a base face
-  float padding;              // of the boxes
+  Hulls hulls;
+  float padding;  // of the hulls
 };
 
 namespace {
@@ -46,8 +47,7 @@ Box union_of(const std::vector<Box>& boxes) {
 
 void bounds(const RTCBoundsFunctionArguments* a) {
   const EmbreeSurface& s = surface_of(a->geometryUserPtr);
-  const Box box =
-      kernels().patch_bounds(s.patches.nets[a->primID], bump_of(s.patches, a->primID), s.padding);
+  const Box box = padded(s.hulls[a->primID], s.padding);
   const Vec3d& o = s.patches.origin;
   RTCBounds& out = *a->bounds_o;
   out.lower_x = add_outward(o.x, box.lo[0], false), out.upper_x = add_outward(o.x, box.hi[0], true);
@@ -108,15 +108,17 @@ EmbreeGeometry::EmbreeGeometry(const ControlCage& cage, int isolation_level)
     : surface_(std::make_unique<EmbreeSurface>()) {
   validate(cage);
   EmbreeSurface& s = *surface_;
-  s.patches =
-      patches_to_trace<float>(Refiner(cage, {isolation_level}).make_patches(cage.points), {});
+  const Refiner refiner(cage, {isolation_level});
+  s.patches = unwritten_patches(refiner);
+  s.hulls = write_patches(refiner, cage.points, {}, s.patches);
   s.view.nets = s.patches.nets.data();
   s.view.bumps = s.patches.bumps.data();
   s.view.infos = s.patches.infos.data();
   s.view.models = s.patches.models.data();
   s.view.left_handed = cage.orientation == Orientation::left_handed;
   for (std::int32_t sides : cage.face_vertex_counts) s.is_quad.push_back(sides == 4);
-  s.view.extent = extent_of(union_of(boxes_of(s.patches)), s.patches.origin, s.patches.radius);
+  s.view.extent =
+      extent_of(union_of(boxes_of(s.hulls, s.patches)), s.patches.origin, s.patches.radius);
   // Embree's boxes are not relative to the surface's centre.
   const Vec3d& o = s.patches.origin;
   s.padding =

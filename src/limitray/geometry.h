@@ -2,11 +2,9 @@
 // it.
 #pragma once
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -27,34 +25,20 @@
 
 namespace limitray {
 
-template <class T>
-const PatchBump<T>* bump_of(const PatchBuffer<T>& p, std::size_t i) {
-  const std::uint32_t b = p.infos[i].bump;
-  return b == no_bump ? nullptr : &p.bumps[b];
-}
+/// Hulls of patches, in their order.
+using Hulls = std::unique_ptr<PatchHull<float>[]>;
 
-/// Calls f(i) for i below n, in parallel.
-template <class F>
-void for_each_index(std::size_t n, const F& f) {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, n, 256), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
-  });
-}
+/// Patches for the tracer in the refiner's order, without values.
+PatchBuffer<float> unwritten_patches(const Refiner& refiner);
 
-/// `patches` rounded, in the order of the tree's leaves, with their models.
-template <class T>
-PatchBuffer<T> patches_to_trace(const PatchBuffer<double>& patches,
-                                std::span<const std::uint32_t> order) {
-  PatchBuffer<T> p = round_patches<T>(patches, order);
-  p.models.resize(p.size());
-  for_each_index(p.size(), [&](std::size_t i) {
-    if constexpr (std::is_same_v<T, float>)
-      p.models[i] = kernels().patch_model_f(p.nets[i], bump_of(p, i));
-    else
-      p.models[i] = kernels().patch_model_d(p.nets[i], bump_of(p, i));
-  });
-  return p;
-}
+/// Writes the values for `points` into `patches`: those of patch i to place[i] (empty: the same
+/// order). All memory is allocated before the first is written.
+Hulls write_patches(const Refiner& refiner, std::span<const Vec3d> points,
+                    std::span<const std::uint32_t> place, PatchBuffer<float>& patches,
+                    const std::function<void()>& stop = nullptr);
+
+/// The hulls of `patches`, padded.
+std::vector<Box> boxes_of(const Hulls& hulls, const PatchBuffer<float>& patches);
 
 /// One mesh: its cage, its patches in the order of the tree's leaves, its tree.
 struct Geometry {
@@ -62,6 +46,7 @@ struct Geometry {
   RefineOptions options;
   Refiner refiner;
   PatchBuffer<float> patches;
+  std::vector<std::uint32_t> leaf_of;  // where the refiner's patch i is in `patches`
   Bvh bvh;
   double build_seconds = 0;
 
@@ -85,20 +70,13 @@ struct Geometry {
     return *error_of_limit;
   }
 
-  /// A surface of one point is given a size above 0, so that bounds on rounding are, too.
-  PatchBuffer<double> make_patches(std::span<const Vec3d> points,
-                                   const std::function<void()>& stop = nullptr) const {
-    PatchBuffer<double> made = refiner.make_patches(points, stop);
-    made.radius = std::max(made.radius, smallest_extent);
-    return made;
-  }
+  /// Makes patches and tree. `cancelled` as in build_bvh; where it is true `stop` throws.
+  void build(const std::function<void()>& stop, const std::function<bool()>& cancelled);
+  /// New values for `points`, in place; `cage.points` stay. Throws std::bad_alloc before anything
+  /// is changed.
+  void move_patches(std::span<const Vec3d> points);
 
-  const PatchBuffer<double>& in_double() const {
-    const std::lock_guard lock(mutex);
-    if (patches_double.size() != patches.size())
-      patches_double = patches_to_trace<double>(make_patches(cage.points), bvh.order);
-    return patches_double;
-  }
+  const PatchBuffer<double>& in_double() const;
 
   /// Null if the cage has no such primvar.
   const Primvar* find_primvar(const std::string& name) const {
@@ -159,15 +137,6 @@ GeometryView<T> view_of(const Geometry& g, const PatchBuffer<T>& p) {
           g.bvh.nodes.empty() ? nullptr : g.bvh.nodes.data(),
           extent_of(g.bvh.bounds, p.origin, g.patches.radius),
           g.cage.orientation == Orientation::left_handed};
-}
-
-inline std::vector<Box> boxes_of(const PatchBuffer<float>& p) {
-  std::vector<Box> boxes(p.size());
-  const float padding = box_padding(p.radius);
-  for_each_index(p.size(), [&](std::size_t i) {
-    boxes[i] = kernels().patch_bounds(p.nets[i], bump_of(p, i), padding);
-  });
-  return boxes;
 }
 
 }  // namespace limitray

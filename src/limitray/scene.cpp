@@ -225,14 +225,7 @@ std::uint32_t Scene::add_mesh(ControlCage cage, const MeshOptions& options, Prog
     auto g = std::make_unique<Geometry>(std::move(cage),
                                         RefineOptions{level, options.memory_limit, stop});
     stop();
-    const PatchBuffer<double> patches = g->make_patches(g->cage.points, stop);
-    stop();
-    // Boxes in the refiner's order make the tree; then patches move to the order of its leaves.
-    const PatchBuffer<float> in_order = round_patches<float>(patches);
-    stop();
-    g->bvh = build_bvh(boxes_of(in_order), [progress] { return progress && progress->cancel; });
-    stop();
-    g->patches = patches_to_trace<float>(patches, g->bvh.order);
+    g->build(stop, [progress] { return progress && progress->cancel; });
     stop();
     check_placed(placed_bounds(*g, options.transform));
     g->build_seconds = seconds_since(start);
@@ -258,21 +251,16 @@ void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> poin
   Geometry& g = *state_->geometries[geometry];
   check_points(points, g.cage.points.size());
   check_extent(g.cage, points);
-  // All is made before anything is replaced: an error leaves the scene as it was.
-  std::vector<Vec3d> kept(points.begin(), points.end());
-  PatchBuffer<float> patches;
-  Bvh bvh = g.bvh;
-  state_->arena.execute([&] {
-    patches = patches_to_trace<float>(g.make_patches(points), bvh.order);
-    refit_bvh(bvh, boxes_of(patches));
-  });
-  for (const InstanceView& in : state_->instances)
-    if (in.geometry == geometry) check_placed(placed_bounds(patches, bvh, in.to_world));
-  g.patches = std::move(patches);
-  g.bvh = std::move(bvh);
-  g.cage.points = std::move(kept);
-  g.patches_double = PatchBuffer<double>{};
-  g.error_of_limit.reset();
+  state_->arena.execute([&] { g.move_patches(points); });
+  try {
+    for (const InstanceView& in : state_->instances)
+      if (in.geometry == geometry) check_placed(placed_bounds(g, in.to_world));
+  } catch (...) {
+    // The same points make the same patches again: the scene is as it was.
+    state_->arena.execute([&] { g.move_patches(g.cage.points); });
+    throw;
+  }
+  std::copy(points.begin(), points.end(), g.cage.points.begin());
   state_->top_is_stale = true;
 }
 

@@ -2,9 +2,9 @@
 // lie inside, and a ray through a point of a box always meets the box.
 #include <gtest/gtest.h>
 
+#include "../support/box_of.h"
 #include "../support/extent.h"
 #include "../support/random_patches.h"
-#include "limitray/bvh/bounds.h"
 
 namespace limitray {
 namespace {
@@ -18,8 +18,7 @@ TEST(BoundsTest, BoxesContainTheExactSurface) {
       const test::Patch p = test::random_patch(g, test::all_shapes[round % 8], round % 3 != 0, size,
                                                round % 2 * 3 * size);
       const test::RoundedPatch<float> rounded(p);
-      const Box box =
-          patch_bounds(rounded.net, rounded.bump_or_null(), box_padding(test::radius_of(p)));
+      const Box box = test::box_of(rounded.net, rounded.bump_or_null(), test::radius_of(p));
       for (int j = 0; j <= 16; ++j)
         for (int i = 0; i <= 16; ++i) {
           const Vec3<Real> s = test::reference_point(p, i / Real(16), j / Real(16));
@@ -36,7 +35,7 @@ TEST(BoundsTest, BoxesAreTight) {
   for (int round = 0; round < 200 / test::rounds_divisor; ++round) {
     const test::Patch p = test::random_patch(g, test::Shape::smooth, false);
     const test::RoundedPatch<float> rounded(p);
-    const Box box = patch_bounds(rounded.net, nullptr, box_padding(test::radius_of(p)));
+    const Box box = test::box_of(rounded.net, nullptr, test::radius_of(p));
     for (int c = 0; c < 3; ++c) {
       Real lo = 1e9L, hi = -1e9L;
       for (int j = 0; j <= 32; ++j)

@@ -7,10 +7,10 @@
 #include <cstdio>
 #include <vector>
 
+#include "../support/box_of.h"
 #include "../support/reference_patch.h"
 #include "../support/surface_targets.h"
 #include "cage_files.h"
-#include "limitray/bvh/bounds.h"
 #include "limitray/bvh/builder.h"
 #include "limitray/cage/obj.h"
 
@@ -130,8 +130,8 @@ TEST_P(CageSeamsTest, BoxesContainTheExactSurface) {
   std::vector<Box> boxes;
   for (std::size_t i = 0; i < rounded.size(); ++i) {
     const std::uint32_t b = rounded.infos[i].bump;
-    boxes.push_back(patch_bounds(rounded.nets[i], b == no_bump ? nullptr : &rounded.bumps[b],
-                                 box_padding(rounded.radius)));
+    boxes.push_back(
+        test::box_of(rounded.nets[i], b == no_bump ? nullptr : &rounded.bumps[b], rounded.radius));
   }
   const Bvh bvh = build_bvh(boxes);
   const TreeWalk tree(bvh);

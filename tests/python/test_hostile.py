@@ -280,7 +280,7 @@ print(scene.geometry_count(), scene.cast_rays(np.array([[0.5, 0.5, 2, 0, 0, -1]]
 def test_too_little_memory_is_told_before_it_is_taken():
     used = "int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()"
     program = f"""{LARGE}
-resource.setrlimit(resource.RLIMIT_AS, ({used} + 250_000_000, -1))
+resource.setrlimit(resource.RLIMIT_AS, ({used} + 160_000_000, -1))
 try:
     scene.add_mesh(mesh, isolation_level=4)
 except MemoryError as error:

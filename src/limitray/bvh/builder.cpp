@@ -1,10 +1,14 @@
 #include "limitray/bvh/builder.h"
 
+#include "limitray/bvh/bounds.h"
+
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
 #else
 #include <embree3/rtcore.h>
 #endif
+
+#include <tbb/parallel_for.h>
 
 #include <memory>
 #include <stdexcept>
@@ -90,6 +94,33 @@ RTCDevice device() {
   return d.get();
 }
 
+/// New boxes below a node, from the leaves up; what is below the first two levels in parallel.
+struct Refit {
+  BvhNode* nodes;
+  const PatchHull<float>* hulls;
+  float padding;
+
+  Box child(BvhNode& node, int i, int depth) const {
+    if (node.lo[0][i] == beyond_all.lo[0]) return {};  // absent
+    const std::uint32_t child = node.child[i];
+    const Box box = child & leaf_flag ? padded(hulls[child & ~leaf_flag], padding)
+                                      : below(nodes[child], depth + 1);
+    set_child(node, i, box, child);
+    return box;
+  }
+  Box below(BvhNode& node, int depth) const {
+    Box all;
+    if (depth < 2) {
+      Box boxes[bvh_width];
+      tbb::parallel_for(0, bvh_width, [&](int i) { boxes[i] = child(node, i, depth); });
+      for (const Box& box : boxes) all.add(box);
+    } else {
+      for (int i = 0; i < bvh_width; ++i) all.add(child(node, i, depth));
+    }
+    return all;
+  }
+};
+
 }  // namespace
 
 Bvh build_bvh(std::span<const Box> boxes, const std::function<bool()>& cancelled) {
@@ -136,20 +167,9 @@ Bvh build_bvh(std::span<const Box> boxes, const std::function<bool()>& cancelled
   return out;
 }
 
-void refit_bvh(Bvh& bvh, std::span<const Box> boxes) {
-  bvh.bounds = Box{};
-  std::vector<Box> node_bounds(bvh.nodes.size());
-  for (std::size_t n = bvh.nodes.size(); n-- > 0;) {
-    BvhNode& node = bvh.nodes[n];
-    for (int i = 0; i < bvh_width; ++i) {
-      if (node.lo[0][i] == beyond_all.lo[0]) continue;  // absent
-      const std::uint32_t child = node.child[i];
-      const Box& box = child & leaf_flag ? boxes[child & ~leaf_flag] : node_bounds[child];
-      set_child(node, i, box, child);
-      node_bounds[n].add(box);
-    }
-  }
-  if (!bvh.nodes.empty()) bvh.bounds = node_bounds[0];
+void refit_bvh(Bvh& bvh, std::span<const PatchHull<float>> hulls, float padding) {
+  if (bvh.nodes.empty()) return;
+  bvh.bounds = Refit{bvh.nodes.data(), hulls.data(), padding}.below(bvh.nodes[0], 0);
 }
 
 }  // namespace limitray

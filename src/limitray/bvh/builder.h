@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "limitray/bvh/bvh.h"
+#include "limitray/patches/patch_buffer.h"
 
 namespace limitray {
 
@@ -24,7 +25,7 @@ struct Bvh {
 /// `cancelled` is asked often, from any thread: once it is true the tree returned has no nodes.
 Bvh build_bvh(std::span<const Box> boxes, const std::function<bool()>& cancelled = nullptr);
 
-/// New boxes for the same tree, in leaf order: boxes[k] is leaf k's.
-void refit_bvh(Bvh& bvh, std::span<const Box> boxes);
+/// New boxes for the same tree, in leaf order: leaf k has hulls[k], padded (bvh/bounds.h).
+void refit_bvh(Bvh& bvh, std::span<const PatchHull<float>> hulls, float padding);
 
 }  // namespace limitray

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "limitray/bvh/builder.h"
+#include "limitray/bvh/trace_patches.h"
 #include "limitray/patches/patch_buffer.h"
 #include "limitray/scene.h"
 
@@ -72,8 +73,8 @@ struct PatchHit {
 
 struct Kernels {
   const char* name;
-  Box (*patch_bounds)(const PatchNet<float>&, const PatchBump<float>*, float padding);
-  PatchModel<float> (*patch_model_f)(const PatchNet<float>&, const PatchBump<float>*);
+  /// Returns the largest |control value|.
+  double (*write_patches)(const PatchBlock&, const TracePlaces&);
   PatchModel<double> (*patch_model_d)(const PatchNet<double>&, const PatchBump<double>*);
   void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, RayNumbers,
                     const HitArrays<float>&, Statistics&);

@@ -232,8 +232,7 @@ inline bool occluded_patch(const GeometryView<float>& g, std::uint32_t patch,
 /// The table of this instruction set.
 inline Kernels make_kernels(const char* name) {
   return {name,
-          patch_bounds,
-          make_patch_model<float>,
+          write_patches,
           make_patch_model<double>,
           closest<float>,
           closest<double>,

@@ -66,7 +66,7 @@ inline LaneMask misses(const LanePatch& p, const LaneNet& n, const Contraction<L
   }
   Lanes e_x = p.eps_x, e_y = p.eps_y, e_u = k.e_u, e_v = k.e_v;
   if (p.any_bump) {
-    const Lanes x = 0.067f * sum_abs(p.bump_x), y = 0.067f * sum_abs(p.bump_y);
+    const Lanes x = bump_height<float> * sum_abs(p.bump_x), y = bump_height<float> * sum_abs(p.bump_y);
     e_x += x, e_u += abs(k.m_uu) * x + abs(k.m_uv) * y;
     e_y += y, e_v += abs(k.m_vu) * x + abs(k.m_vv) * y;
   }
@@ -171,8 +171,8 @@ class LaneSolver {
     }
     Lanes e_x = patch_.eps_x, e_y = patch_.eps_y, e_z = m_.projected.eps_z;
     if (patch_.any_bump) {
-      e_x += 0.067f * sum_abs(patch_.bump_x), e_y += 0.067f * sum_abs(patch_.bump_y);
-      e_z += 0.067f * sum_abs(patch_.bump_z);
+      e_x += bump_height<float> * sum_abs(patch_.bump_x), e_y += bump_height<float> * sum_abs(patch_.bump_y);
+      e_z += bump_height<float> * sum_abs(patch_.bump_z);
     }
     // Each eps is at least 64 u of its component: rounding of the products and sums is in 1.5.
     const Lanes e = 1.5f * (abs(n_x) * e_x + abs(n_y) * e_y + abs(n_z) * e_z);

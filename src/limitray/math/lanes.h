@@ -137,7 +137,8 @@ inline HalfLanes half_of(Lanes v, bool high) {
 
 /// One round of a transposition: swaps the blocks of `size` lanes beside the diagonal of two rows.
 template <int size, int... i>
-void swap_blocks(Lanes& a, Lanes& b, std::integer_sequence<int, i...>) {
+[[gnu::always_inline]] inline void swap_blocks(Lanes& a, Lanes& b,
+                                               std::integer_sequence<int, i...>) {
   const Lanes low = __builtin_shufflevector(a, b, (i & size ? lane_count + i - size : i)...);
   b = __builtin_shufflevector(a, b, (i & size ? lane_count + i : i + size)...);
   a = low;
@@ -197,6 +198,16 @@ template <int lanes>
       transpose_blocks<lanes / 2>(row);
       for (int j = 0; j < lanes; ++j) store_lanes(rows[j] + block, row[j]);
     }
+  }
+}
+/// The same back: rows[j][i] = in[i], lane j.
+[[gnu::always_inline]] inline void store_by_lane(const Lanes (&in)[16],
+                                                 float* const (&rows)[lane_count]) {
+  for (int block = 0; block < 16; block += lane_count) {
+    Lanes row[lane_count];
+    for (int i = 0; i < lane_count; ++i) row[i] = in[block + i];
+    transpose_blocks<lane_count / 2>(row);
+    for (int j = 0; j < lane_count; ++j) store_lanes(rows[j] + block, row[j]);
   }
 }
 

@@ -45,6 +45,10 @@ Quad<T> load_quad(const T* p) {
   std::memcpy(&q, p, sizeof(q));
   return q;
 }
+template <class T>
+void store_quad(T* p, Quad<T> q) {
+  std::memcpy(p, &q, sizeof(q));
+}
 template <class V>
 V max(V a, V b) {
   return a > b ? a : b;

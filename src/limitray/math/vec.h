@@ -47,6 +47,11 @@ T length(Vec3<T> a) {
   return std::sqrt(dot(a, a));
 }
 
+/// A point as SIMD registers like it; the fourth component is 0.
+struct alignas(32) Point4 {
+  double c[4];
+};
+
 /// Affine map p -> linear * p + offset; `linear` is row-major.
 struct Affine {
   std::array<Vec3d, 3> linear{Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}};

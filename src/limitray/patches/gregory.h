@@ -16,6 +16,9 @@ inline namespace LIMITRAY_ISA {
 template <class T>
 inline constexpr T bump_slope = T(4.0 / 3.0);
 
+/// Above sup |g|, 0.0667, with room for the rounding of what it multiplies.
+template <class T>
+inline constexpr T bump_height = T(0.067);
 /// sup |g_aa|/2 + |g_ab| + |g_bb|/2 over the unit square (reached at a = 0, b -> 0: 18 + 9).
 template <class T>
 inline constexpr T bump_curvature = T(27);
@@ -29,7 +32,7 @@ inline constexpr T tangent_plane_size = T(1.0 / 32);
 /// Largest move of a net's interior by the whole bump: 0.0667 < 1/15 + rounding of each |bump|.
 template <class T>
 T bump_reach(const Quad<T>& bump) {
-  return T(0.067) * sum(abs(bump));
+  return bump_height<T> * sum(abs(bump));
 }
 
 /// Distances a, b from the four corners.

@@ -15,20 +15,26 @@
 // Hardware Tessellation"; the points themselves are OpenSubdiv's, not that paper's.)
 #pragma once
 
-namespace limitray {
+#include "limitray/math/isa.h"
 
-/// One component: `p` are the 20 control values, `net` and `bump` as in patch_buffer.h.
-inline void gregory_to_net(const double (&p)[20], double (&net)[16], double (&bump)[4]) {
+namespace limitray {
+inline namespace LIMITRAY_ISA {
+
+/// One component, or a vector of them: `p` are the 20 control values, `net` and `bump` as in
+/// patch_buffer.h.
+template <class V>
+[[gnu::always_inline]] inline void gregory_to_net(const V (&p)[20], V (&net)[16], V (&bump)[4]) {
   constexpr int boundary[16] = {0, 1, 7, 5, 2, -1, -1, 6, 16, -1, -1, 12, 15, 17, 11, 10};
   for (int i = 0; i < 16; ++i)
     if (boundary[i] >= 0) net[i] = p[boundary[i]];
 
   constexpr int interior[4] = {5, 6, 10, 9};
   for (int k = 0; k < 4; ++k) {
-    const double f_p = p[5 * k + 3], f_m = p[5 * k + 4];
-    net[interior[k]] = (f_p + f_m) / 2;
-    bump[k] = (k % 2 == 0 ? f_p - f_m : f_m - f_p) / 2;
+    const V f_p = p[5 * k + 3], f_m = p[5 * k + 4];
+    net[interior[k]] = 0.5 * (f_p + f_m);
+    bump[k] = 0.5 * (k % 2 == 0 ? f_p - f_m : f_m - f_p);
   }
 }
 
+}  // namespace LIMITRAY_ISA
 }  // namespace limitray

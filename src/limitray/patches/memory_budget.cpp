@@ -9,10 +9,9 @@
 namespace limitray {
 namespace {
 
-/// What a patch takes while a mesh is made, beside its recipe: the net in double (512) and in float
-/// (268), a second one in float for the boxes (268), its model (64), and its part of Embree's tree
-/// (450) and of ours (80), rounded up.
-constexpr double bytes_a_patch = 1700;
+/// What a patch takes while a mesh is made, beside its recipe: its net, bump and info (268), its
+/// model (64), its hull and box (48), its part of Embree's tree (482) and of ours (88), rounded up.
+constexpr double bytes_a_patch = 1200;
 /// A patch is named by 31 bits in the tree.
 constexpr double patches_at_most = 2147483648.0;
 

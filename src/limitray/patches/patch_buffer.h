@@ -96,6 +96,12 @@ struct alignas(16 * sizeof(T)) PatchModel {
 };
 static_assert(sizeof(PatchModel<float>) == 64 && sizeof(PatchModel<double>) == 128);
 
+/// The box around a patch, but for rounding. Made by bvh/bounds.h.
+template <class T>
+struct PatchHull {
+  T lo[3], hi[3];
+};
+
 /// All patches of a mesh, relative to `origin` (the centre of the cage's extent), so that float
 /// rounding scales with the size of the cage and not with its distance from zero.
 template <class T>

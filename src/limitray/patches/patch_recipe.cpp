@@ -1,107 +1,90 @@
 // Stage: patches (S0). See patch_recipe.h.
 #include "limitray/patches/patch_recipe.h"
 
-#include <tbb/parallel_for.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_reduce.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-
-#include "limitray/patches/bspline.h"
-#include "limitray/patches/gregory_net.h"
+#include <memory>
+#include <mutex>
+#include <numeric>
 
 namespace limitray {
-
 namespace {
 
-/// One component of the pieces of a crease patch: the map across the crease, then B-spline to
-/// Bezier along it. Writes component `k` of consecutive nets.
-void make_crease_nets(const double (&p)[16], unsigned edge, const std::vector<CreasePiece>& pieces,
-                      PatchNet<double>* nets, int k) {
-  const bool across_t = edge == edge_t0 || edge == edge_t1;
-  const bool reversed = edge == edge_t1 || edge == edge_s1;
-  const int across = across_t ? 4 : 1, along = across_t ? 1 : 4;
+using Range = tbb::blocked_range<std::size_t>;
 
-  for (std::size_t n = 0; n < pieces.size(); ++n) {
-    double* net = nets[n].c[k];
-    for (int row = 0; row < 4; ++row) {
-      const int to = (reversed ? 3 - row : row) * across;
-      for (int i = 0; i < 4; ++i) {
-        double sum = 0;
-        for (int j = 0; j < 4; ++j)
-          sum += pieces[n].weights[row][j] * p[(reversed ? 3 - j : j) * across + i * along];
-        net[to + i * along] = sum;
-      }
-      bspline_to_bezier(net + to, along);
-    }
+double larger(double a, double b) { return std::max(a, b); }
+
+/// Positions in `values`, the smallest value's first.
+std::vector<std::uint32_t> sorted_positions(std::span<const std::uint32_t> values) {
+  std::vector<std::uint32_t> positions(values.size());
+  std::iota(positions.begin(), positions.end(), 0);
+  std::sort(positions.begin(), positions.end(),
+            [&](std::uint32_t a, std::uint32_t b) { return values[a] < values[b]; });
+  return positions;
+}
+
+template <class T>
+void permute(std::span<T> values, std::span<const std::uint32_t> order) {
+  const std::vector<T> old(values.begin(), values.end());
+  for (std::size_t i = 0; i < order.size(); ++i) values[i] = old[order[i]];
+}
+
+/// Memory for the points of as many recipes as run at a time: it stays in the cache, where that of
+/// all recipes would not. There must be no more takers than `recipes`.
+class PointPool {
+ public:
+  PointPool(std::size_t recipes, std::size_t points)
+      : memory_(std::make_unique_for_overwrite<Point4[]>(recipes * points)) {
+    for (std::size_t i = 0; i < recipes; ++i) free_.push_back(memory_.get() + i * points);
   }
-}
+  Point4* take() {
+    const std::lock_guard lock(mutex_);
+    Point4* points = free_.back();
+    free_.pop_back();
+    return points;
+  }
+  void give_back(Point4* points) {
+    const std::lock_guard lock(mutex_);
+    free_.push_back(points);
+  }
 
-template <std::size_t N>
-void gather(const std::array<std::int32_t, N>& indices, const std::vector<Vec3d>& points, int k,
-            double (&values)[N]) {
-  for (std::size_t i = 0; i < N; ++i) values[i] = points[indices[i]][k];
-}
-
-/// `count` is a multiple of 4: four maxima at a time, so that none waits for the one before.
-double largest(const double* values, int count) {
-  double m[4] = {};
-  for (int i = 0; i < count; i += 4)
-    for (int k = 0; k < 4; ++k) m[k] = std::max(m[k], std::abs(values[i + k]));
-  return std::max(std::max(m[0], m[1]), std::max(m[2], m[3]));
-}
-
-/// Largest |control value| of a Gregory patch's component, both points of each pair included.
-double largest(const double (&net)[16], const double (&bump)[4]) {
-  double m = largest(net, 16);
-  for (int i = 0; i < 4; ++i) m = std::max(m, std::abs(net[interior_index[i]]) + std::abs(bump[i]));
-  return m;
-}
+ private:
+  const std::unique_ptr<Point4[]> memory_;
+  std::mutex mutex_;
+  std::vector<Point4*> free_;
+};
 
 }  // namespace
 
-double PatchRecipe::make(std::span<const Vec3d> cage_points, Vec3d origin, PatchNet<double>* nets,
-                         PatchBump<double>* bumps) const {
-  std::vector<Vec3d> points;
-  points.reserve(control_points.size() + stencils.size());
-  for (std::int32_t i : control_points) points.push_back(cage_points[i] - origin);
-  stencils.apply(points);
-
-  double radius = 0;
-  for (const RegularPatch& patch : regular) {
-    std::size_t count = 1;
-    for (int k = 0; k < 3; ++k) {
-      double p[16];
-      gather(patch.points, points, k, p);
-      if (patch.crease != no_crease) {
-        count = creases[patch.crease].size();
-        make_crease_nets(p, patch.edges, creases[patch.crease], nets, k);
-      } else {
-        extrapolate_boundaries(p, patch.edges);
-        bspline_to_bezier(p);
-        std::copy(p, p + 16, nets->c[k]);
-      }
-    }
-    for (std::size_t n = 0; n < count; ++n) radius = std::max(radius, largest(nets[n].c[0], 48));
-    nets += count;
+void PatchRecipe::make_points(std::span<const Vec3d> cage_points, Vec3d origin,
+                              Point4* points) const {
+  Point4* to = points;
+  for (const std::int32_t i : control_points) {
+    const Vec3d p = cage_points[i] - origin;
+    *to++ = {{p.x, p.y, p.z, 0}};
   }
-  for (const GregoryPatch& patch : gregory) {
-    for (int k = 0; k < 3; ++k) {
-      double p[20];
-      gather(patch, points, k, p);
-      gregory_to_net(p, nets->c[k], bumps->c[k]);
-      radius = std::max(radius, largest(nets->c[k], bumps->c[k]));
-    }
-    ++nets;
-    ++bumps;
-  }
-  return radius;
+  stencils.apply(points, control_points.size());
 }
 
-namespace {
+void PatchRecipe::sort_patches(std::span<std::uint32_t> place) {
+  const std::size_t bezier = regular.size();
+  const auto sort = [&]<class Patch>(std::span<Patch> patches, std::size_t first) {
+    const std::span<std::uint32_t> places = place.subspan(first, patches.size());
+    const std::vector<std::uint32_t> order = sorted_positions(places);
+    permute(patches, std::span<const std::uint32_t>(order));
+    permute(places, std::span<const std::uint32_t>(order));
+    permute(std::span(infos).subspan(first, patches.size()), std::span<const std::uint32_t>(order));
+  };
+  sort(std::span(regular), 0);
+  sort(std::span(gregory), bezier);
+  for (std::size_t i = 0; i < gregory.size(); ++i)
+    infos[bezier + i].bump = static_cast<std::uint32_t>(i);
+}
 
-/// Centre of the box around the points that the recipes use: a stray point elsewhere costs no
-/// precision.
 Vec3d centre(std::span<const PatchRecipe> recipes, std::span<const Vec3d> points) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   Vec3d low{infinity, infinity, infinity}, high = -1.0 * low;
@@ -114,34 +97,52 @@ Vec3d centre(std::span<const PatchRecipe> recipes, std::span<const Vec3d> points
   return low.x > high.x ? Vec3d{} : 0.5 * low + 0.5 * high;
 }
 
-}  // namespace
-
-PatchBuffer<double> run_recipes(std::span<const PatchRecipe> recipes, std::span<const Vec3d> points,
-                                const std::function<void()>& stop) {
-  std::vector<std::size_t> first_net{0}, first_bump{0};
+std::vector<PatchInfo> infos_of(std::span<const PatchRecipe> recipes) {
+  std::size_t count = 0;
+  for (const PatchRecipe& recipe : recipes) count += recipe.size();
+  std::vector<PatchInfo> infos;
+  infos.reserve(count);
+  std::uint32_t bumps = 0;
   for (const PatchRecipe& recipe : recipes) {
-    first_net.push_back(first_net.back() + recipe.infos.size());
-    first_bump.push_back(first_bump.back() + recipe.gregory.size());
-  }
-  PatchBuffer<double> patches;
-  patches.origin = centre(recipes, points);
-  patches.nets.resize(first_net.back());
-  patches.infos.resize(first_net.back());
-  patches.bumps.resize(first_bump.back());
-
-  std::vector<double> radius(recipes.size());
-  tbb::parallel_for(std::size_t{0}, recipes.size(), [&](std::size_t r) {
-    if (stop) stop();
-    PatchInfo* infos = patches.infos.data() + first_net[r];
-    for (PatchInfo info : recipes[r].infos) {
-      if (info.bump != no_bump) info.bump += static_cast<std::uint32_t>(first_bump[r]);
-      *infos++ = info;
+    for (PatchInfo info : recipe.infos) {
+      if (info.bump != no_bump) info.bump += bumps;
+      infos.push_back(info);
     }
-    radius[r] = recipes[r].make(points, patches.origin, patches.nets.data() + first_net[r],
-                                patches.bumps.data() + first_bump[r]);
-  });
-  for (const double r : radius) patches.radius = std::max(patches.radius, r);
-  return patches;
+    bumps += static_cast<std::uint32_t>(recipe.gregory.size());
+  }
+  return infos;
+}
+
+double run_recipes(std::span<const PatchRecipe> recipes, std::span<const Vec3d> cage_points,
+                   Vec3d origin, const BlockWriter& write, const std::function<void()>& stop) {
+  std::vector<std::size_t> first_net{0};
+  std::size_t most_points = 0;
+  for (const PatchRecipe& recipe : recipes) {
+    first_net.push_back(first_net.back() + recipe.size());
+    most_points = std::max(most_points, recipe.point_count());
+  }
+  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  PointPool pool(std::min(threads, recipes.size()), most_points);
+
+  const auto run = [&](std::size_t r) {
+    if (stop) stop();
+    Point4* points = pool.take();
+    recipes[r].make_points(cage_points, origin, points);
+    const auto write_range = [&](const Range& nets, double radius) {
+      return larger(radius, write({&recipes[r], points, nets.begin(), nets.end(), first_net[r]}));
+    };
+    // Isolated: a thread that waits here begins no other recipe.
+    const double radius = tbb::this_task_arena::isolate([&] {
+      return tbb::parallel_reduce(Range(0, recipes[r].size(), 256), 0.0, write_range, larger);
+    });
+    pool.give_back(points);
+    return radius;
+  };
+  const auto run_range = [&](const Range& range, double radius) {
+    for (std::size_t r = range.begin(); r < range.end(); ++r) radius = larger(radius, run(r));
+    return radius;
+  };
+  return tbb::parallel_reduce(Range(0, recipes.size()), 0.0, run_range, larger);
 }
 
 }  // namespace limitray

@@ -19,11 +19,10 @@
 #include <string>
 #include <unordered_map>
 
-#include "limitray/patches/bspline.h"
 #include "limitray/patches/face_groups.h"
 #include "limitray/patches/memory_budget.h"
-#include "limitray/patches/patch_recipe.h"
 #include "limitray/patches/recorded_stencils.h"
+#include "limitray/patches/write_nets.h"
 
 namespace limitray {
 namespace {
@@ -293,26 +292,34 @@ class RecipeBuilder {
 
   void add_regular(const Far::ConstIndexArray& points, unsigned edges, float sharpness,
                    const PatchInfo& info) {
-    RegularPatch& patch = recipe_.regular.emplace_back();
+    RegularPatch patch{{}, edges, no_piece};
     for (int k = 0; k < 16; ++k) patch.points[k] = numbers_[points[k]];
-    patch.edges = static_cast<std::uint16_t>(edges);
     if (sharpness <= 0) {
+      recipe_.regular.push_back(patch);
       recipe_.infos.push_back(info);
       return;
     }
-    patch.crease = find_crease(sharpness);
-    for (const CreasePiece& piece : recipe_.creases[patch.crease])
-      recipe_.infos.push_back(piece_info(info, edges, piece));
+    const auto [first, count] = find_crease(sharpness);
+    for (std::uint32_t piece = first; piece < first + count; ++piece) {
+      patch.piece = piece;
+      recipe_.regular.push_back(patch);
+      recipe_.infos.push_back(piece_info(info, edges, recipe_.pieces[piece]));
+    }
   }
 
-  std::uint16_t find_crease(float sharpness) {
-    const auto it = std::find(sharpnesses_.begin(), sharpnesses_.end(), sharpness);
-    const std::size_t index = it - sharpnesses_.begin();
-    if (it == sharpnesses_.end()) {
-      sharpnesses_.push_back(sharpness);
-      recipe_.creases.push_back(crease_pieces(sharpness));
+  /// The pieces for a sharpness in recipe_.pieces.
+  struct PieceRange {
+    std::uint32_t first, count;
+  };
+  PieceRange find_crease(float sharpness) {
+    const auto [it, is_new] = creases_.try_emplace(sharpness);
+    if (is_new) {
+      const std::vector<CreasePiece> pieces = crease_pieces(sharpness);
+      it->second = {static_cast<std::uint32_t>(recipe_.pieces.size()),
+                    static_cast<std::uint32_t>(pieces.size())};
+      recipe_.pieces.insert(recipe_.pieces.end(), pieces.begin(), pieces.end());
     }
-    return static_cast<std::uint16_t>(index);
+    return it->second;
   }
 
   /// The rectangle of a piece: distances from the crease edge become s or t.
@@ -331,7 +338,7 @@ class RecipeBuilder {
   PatchRecipe recipe_;
   PointNumbers numbers_;
   std::vector<std::int32_t> sources_;
-  std::vector<float> sharpnesses_;  // of recipe_.creases
+  std::unordered_map<float, PieceRange> creases_;  // by sharpness
 };
 
 Far::ConstIndexArray far_array(const std::vector<std::int32_t>& indices) {
@@ -400,13 +407,47 @@ Refiner::~Refiner() = default;
 Refiner::Refiner(Refiner&&) noexcept = default;
 Refiner& Refiner::operator=(Refiner&&) noexcept = default;
 
-PatchBuffer<double> Refiner::make_patches(std::span<const Vec3d> points,
-                                          const std::function<void()>& stop) const {
+PatchExtent Refiner::write_patches(std::span<const Vec3d> points, const BlockWriter& write,
+                                   const std::function<void()>& stop) const {
   if (points.size() != topology_->point_count)
     throw std::invalid_argument("points: must be as many as the cage has, " +
                                 std::to_string(topology_->point_count) + ", got " +
                                 std::to_string(points.size()));
-  return run_recipes(topology_->recipes, points, stop);
+  const Vec3d origin = centre(topology_->recipes, points);
+  return {origin, run_recipes(topology_->recipes, points, origin, write, stop)};
+}
+
+template <class T>
+PatchBuffer<T> Refiner::unwritten_patches() const {
+  PatchBuffer<T> patches;
+  patches.infos = infos_of(topology_->recipes);
+  patches.nets.resize(patches.infos.size());
+  std::size_t bumps = 0;
+  for (const PatchRecipe& recipe : topology_->recipes) bumps += recipe.gregory.size();
+  patches.bumps.resize(bumps);
+  return patches;
+}
+template PatchBuffer<float> Refiner::unwritten_patches() const;
+template PatchBuffer<double> Refiner::unwritten_patches() const;
+
+void Refiner::sort_patches(std::span<std::uint32_t> place) {
+  std::vector<PatchRecipe>& recipes = topology_->recipes;
+  std::vector<std::size_t> first{0};
+  for (const PatchRecipe& recipe : recipes) first.push_back(first.back() + recipe.size());
+  tbb::parallel_for(std::size_t{0}, recipes.size(), [&](std::size_t r) {
+    recipes[r].sort_patches(place.subspan(first[r], recipes[r].size()));
+  });
+}
+
+PatchBuffer<double> Refiner::make_patches(std::span<const Vec3d> points) const {
+  auto patches = unwritten_patches<double>();
+  const NetPlaces<double> places{patches.nets.data(), patches.bumps.data(), patches.infos.data(),
+                                 nullptr};
+  const PatchExtent extent =
+      write_patches(points, [&](const PatchBlock& block) { return write_nets(block, places); });
+  patches.origin = extent.origin;
+  patches.radius = extent.radius;
+  return patches;
 }
 
 }  // namespace limitray

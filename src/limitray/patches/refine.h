@@ -12,6 +12,7 @@
 
 #include "limitray/cage/cage.h"
 #include "limitray/patches/patch_buffer.h"
+#include "limitray/patches/patch_recipe.h"
 
 namespace limitray {
 
@@ -26,6 +27,12 @@ struct RefineOptions {
   std::size_t memory_limit = 0;
   /// Called often during refinement, from any of its threads; an exception ends it.
   std::function<void()> stop = nullptr;
+};
+
+/// Where the values of patches are relative to, and the largest of them.
+struct PatchExtent {
+  Vec3d origin;
+  double radius;
 };
 
 /// The topology of a cage, refined once; makes patches for any positions of its points. Patches
@@ -45,14 +52,28 @@ class Refiner {
   Refiner& operator=(Refiner&&) noexcept;
 
   /// Patches of the surface for control points `points` (as many as the cage or the primvar has).
-  /// Patch order is the same at each call. `stop` as in RefineOptions.
-  PatchBuffer<double> make_patches(std::span<const Vec3d> points,
-                                   const std::function<void()>& stop = nullptr) const;
+  /// Patch order is the same at each call.
+  PatchBuffer<double> make_patches(std::span<const Vec3d> points) const;
+
+  /// The same in steps: first the patches without values, but with their infos; then `write` is
+  /// called for blocks of them, which together are all. `stop` as in RefineOptions.
+  template <class T>
+  PatchBuffer<T> unwritten_patches() const;
+  PatchExtent write_patches(std::span<const Vec3d> points, const BlockWriter& write,
+                            const std::function<void()>& stop = nullptr) const;
+  /// Changes the order of patches so that those written one after the other have growing `place`
+  /// (one a patch), which is reordered along.
+  void sort_patches(std::span<std::uint32_t> place);
 
  private:
   struct Topology;
   std::unique_ptr<Topology> topology_;
 };
+
+/// `infos` in the order of a tree's leaves: info i of the result is order[i] of the input, and
+/// bumps are counted in the new order.
+std::vector<PatchInfo> in_order(std::span<const PatchInfo> infos,
+                                std::span<const std::uint32_t> order);
 
 /// `patches` rounded once to T, each patch moved to its place in `order` (patch i of the result is
 /// order[i] of the input; empty: same order).

@@ -9,35 +9,36 @@
 
 namespace limitray {
 
+std::vector<PatchInfo> in_order(std::span<const PatchInfo> infos,
+                                std::span<const std::uint32_t> order) {
+  assert(order.size() == infos.size());
+  std::vector<PatchInfo> ordered;
+  ordered.reserve(infos.size());
+  std::uint32_t bumps = 0;
+  for (const std::uint32_t i : order) {
+    ordered.push_back(infos[i]);
+    if (infos[i].bump != no_bump) ordered.back().bump = bumps++;
+  }
+  return ordered;
+}
+
 template <class T>
 PatchBuffer<T> round_patches(const PatchBuffer<double>& patches,
                              std::span<const std::uint32_t> order) {
-  assert(order.empty() || order.size() == patches.size());
   PatchBuffer<T> rounded;
   rounded.origin = patches.origin;
   rounded.radius = patches.radius;
-  rounded.infos.reserve(patches.size());
-  std::vector<std::uint32_t> bump_from;
-  bump_from.reserve(patches.bumps.size());
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    PatchInfo info = patches.infos[order.empty() ? i : order[i]];
-    if (info.bump != no_bump) {
-      bump_from.push_back(info.bump);
-      info.bump = static_cast<std::uint32_t>(bump_from.size() - 1);
-    }
-    rounded.infos.push_back(info);
-  }
-
-  const auto round = [](double x) { return static_cast<T>(x); };
+  rounded.infos = order.empty() ? patches.infos : in_order(patches.infos, order);
   rounded.nets.resize(patches.size());
-  tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
-    const double* net = patches.nets[order.empty() ? i : order[i]].c[0];
-    std::transform(net, net + 48, rounded.nets[i].c[0], round);
-  });
   rounded.bumps.resize(patches.bumps.size());
-  tbb::parallel_for(std::size_t{0}, bump_from.size(), [&](std::size_t i) {
-    const double* bump = patches.bumps[bump_from[i]].c[0];
-    std::transform(bump, bump + 12, rounded.bumps[i].c[0], round);
+  const auto round = [](double x) { return static_cast<T>(x); };
+  tbb::parallel_for(std::size_t{0}, patches.size(), [&](std::size_t i) {
+    const std::size_t from = order.empty() ? i : order[i];
+    const double* net = patches.nets[from].c[0];
+    std::transform(net, net + 48, rounded.nets[i].c[0], round);
+    if (rounded.infos[i].bump == no_bump) return;
+    const double* bump = patches.bumps[patches.infos[from].bump].c[0];
+    std::transform(bump, bump + 12, rounded.bumps[rounded.infos[i].bump].c[0], round);
   });
   return rounded;
 }

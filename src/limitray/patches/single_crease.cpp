@@ -11,7 +11,8 @@ namespace {
 using Curve = std::array<double, 4>;
 
 Curve bezier(Curve bspline) {
-  bspline_to_bezier(bspline.data(), 1);
+  bspline_to_six_bezier(bspline.data(), 1);
+  for (double& value : bspline) value /= 6;
   return bspline;
 }
 

@@ -4,7 +4,22 @@
 #include <algorithm>
 #include <cstring>
 
+#include "limitray/math/net.h"
+
 namespace limitray {
+namespace {
+
+// Two registers of two hold a point: of one of four the compiler would keep the sum in memory.
+using Pair = Simd<double, 2>;
+
+Pair load_pair(const double* p) {
+  Pair v;
+  std::memcpy(&v, p, sizeof(v));
+  return v;
+}
+void store_pair(double* p, Pair v) { std::memcpy(p, &v, sizeof(v)); }
+
+}  // namespace
 
 void StencilList::add(std::span<const std::int32_t> sources, std::span<const double> weights) {
   double kept[1024];
@@ -53,16 +68,21 @@ void StencilList::finish() {
   weights_.shrink_to_fit();
 }
 
-void StencilList::apply(std::vector<Vec3d>& points) const {
-  const std::size_t first = points.size();
-  points.resize(first + size());
+void StencilList::apply(Point4* points, std::size_t first) const {
   const std::int32_t* source = sources_.data();
-  for (std::size_t i = 0; i < size(); ++i) {
-    const std::uint32_t begin = mask_begin_[mask_of_point_[i]],
-                        end = mask_begin_[mask_of_point_[i] + 1];
-    Vec3d sum{};
-    for (std::uint32_t w = begin; w < end; ++w) sum = sum + weights_[w] * points[*source++];
-    points[first + i] = sum;
+  Point4* to = points + first;
+  for (const std::uint32_t mask : mask_of_point_) {
+    const double *weight = weights_.data() + mask_begin_[mask],
+                 *end = weights_.data() + mask_begin_[mask + 1];
+    Pair xy{}, z{};
+    for (; weight < end; ++weight) {
+      const double* from = points[*source++].c;
+      xy += *weight * load_pair(from);
+      z += *weight * load_pair(from + 2);
+    }
+    store_pair(to->c, xy);
+    store_pair(to->c + 2, z);
+    ++to;
   }
 }
 

@@ -18,8 +18,8 @@ class StencilList {
  public:
   /// Appends a point; sources and weights are of equal length, zero weights are dropped.
   void add(std::span<const std::int32_t> sources, std::span<const double> weights);
-  /// Appends the points to `points`, which holds all sources so far.
-  void apply(std::vector<Vec3d>& points) const;
+  /// Writes points[first] and on; the `first` points before them are the first sources.
+  void apply(Point4* points, std::size_t first) const;
   std::size_t size() const { return mask_of_point_.size(); }
   std::size_t bytes() const {
     return 4 * (mask_of_point_.size() + sources_.size() + mask_begin_.size()) +
