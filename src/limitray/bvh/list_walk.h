@@ -24,38 +24,86 @@ constexpr std::size_t list_room(int n) {
   return std::size_t(bvh_max_depth + 1) * bvh_width * std::size_t(n + 2 * list_slack);
 }
 
-/// Which rays of `list` meet which children of a node: theirs are written to child + i * stride.
-/// counts[i] gets how many.
-inline void intersect_lists(const NodePlanes& node, const BoxRay* rays, const std::uint32_t* list,
-                            int count, std::uint32_t* child, int stride,
-                            int (&counts)[bvh_width]) {
-  for (int& n : counts) n = 0;
-  for (int begin = 0; begin < count; begin += 16) {
-    alignas(16) std::uint8_t hits[16];
-    const int here = std::min(16, count - begin);
-    for (int k = 0; k < here; ++k) {
-      const BoxRay& r = rays[list[begin + k]];
-      Simd<float, 8> entry;
-      hits[k] = std::uint8_t(intersect_boxes(node, r, r.zmax, entry));
-    }
+/// Rays that meet children of a node: those of child i are list[i * stride], ...
+struct ChildLists {
+  std::uint32_t* list;
+  int stride;
+  int counts[bvh_width];
+};
+
+/// Which rays of `list` meet which children of a node. Returns one bit a child that is met.
+inline unsigned intersect_lists(const NodePlanes& node, const BoxRay* rays,
+                                const std::uint32_t* list, int count, ChildLists& to) {
+  for (int& n : to.counts) n = 0;
+  std::uint64_t met = 0;
+  for (int begin = 0; begin < count; begin += list_slack) {
+    // A byte a ray. In registers: bytes written one by one are slow to read back as a vector.
+    const int here = std::min(list_slack, count - begin);
+    const auto hits_of = [&](const std::uint32_t* ids, int n) {
+      std::uint64_t bytes = 0;
+      for (int k = 0; k < n; ++k) {
+        const BoxRay& r = rays[ids[k]];
+        Simd<float, 8> entry;
+        bytes |= std::uint64_t(intersect_boxes(node, r, r.zmax, entry)) << (8 * k);
+      }
+      return bytes;
+    };
+    const std::uint64_t hits[2] = {hits_of(list + begin, std::min(here, 8)),
+                                   hits_of(list + begin + 8, here - 8)};
+    met |= hits[0] | hits[1];
 #if defined(LIMITRAY_AVX512)
-    const __m128i all = _mm_load_si128(reinterpret_cast<const __m128i*>(hits));
+    const __m128i all = _mm_set_epi64x(std::int64_t(hits[1]), std::int64_t(hits[0]));
     const __m512i ids = _mm512_loadu_si512(list + begin);
     const auto valid = __mmask16((1u << here) - 1);
     for (int i = 0; i < bvh_width; ++i) {
       const __mmask16 m = _mm_mask_test_epi8_mask(valid, all, _mm_set1_epi8(char(1 << i)));
-      _mm512_storeu_si512(child + i * stride + counts[i], _mm512_maskz_compress_epi32(m, ids));
-      counts[i] += std::popcount(unsigned(m));
+      _mm512_storeu_si512(to.list + i * to.stride + to.counts[i],
+                          _mm512_maskz_compress_epi32(m, ids));
+      to.counts[i] += std::popcount(unsigned(m));
     }
 #else
     for (int k = 0; k < here; ++k)
       for (int i = 0; i < bvh_width; ++i) {
-        child[i * stride + counts[i]] = list[begin + k];
-        counts[i] += hits[k] >> i & 1;
+        to.list[i * to.stride + to.counts[i]] = list[begin + k];
+        to.counts[i] += int(hits[k >> 3] >> (8 * (k & 7) + i) & 1);
       }
 #endif
   }
+  met |= met >> 32, met |= met >> 16, met |= met >> 8;
+  return unsigned(met) & 0xFFu;
 }
+
+/// How many of the children in `met` are farther along a direction than each, by their middles.
+/// Where two are equally far, the order is that of the node.
+struct ChildRanks {
+  std::uint8_t farther[bvh_width];
+
+  ChildRanks(const BvhNode& node, unsigned met, const float (&along)[3]) {
+    using V = Simd<float, 8>;
+    using Bits = Simd<std::uint32_t, 8>;
+    V depth{};
+    for (int i = 0; i < 3; ++i) depth += along[i] * (load_eight(node.lo[i]) + load_eight(node.hi[i]));
+    // The last bits tell equal ones apart.
+    depth = V((Bits(depth) & ~7u) | Bits{0, 1, 2, 3, 4, 5, 6, 7});
+    float each[bvh_width];
+    store_eight(each, depth);
+    for (int i = 0; i < bvh_width; ++i)
+      farther[i] = std::uint8_t(std::popcount(met & greater(depth, each[i])));
+  }
+
+ private:
+  static unsigned greater(Simd<float, 8> v, float x) {
+#if defined(LIMITRAY_AVX512)
+    return _mm256_cmp_ps_mask(__m256(v), _mm256_set1_ps(x), _CMP_GT_OQ);
+#elif defined(LIMITRAY_AVX2)
+    return unsigned(_mm256_movemask_ps(_mm256_cmp_ps(__m256(v), _mm256_set1_ps(x), _CMP_GT_OQ)));
+#else
+    unsigned bits = 0;
+    for (int i = 0; i < 8; ++i) bits |= unsigned(v[i] > x) << i;
+    return bits;
+#endif
+  }
+};
 
 /// Calls on_leaf(item, list, count) for the leaves that the `count` rays in `list` may meet; their
 /// directions have the same signs. rays[id].zmax may fall meanwhile. `along` is the direction by
@@ -82,23 +130,19 @@ void walk_lists(const BvhNode* nodes, const BoxRay* rays, unsigned signs, const 
     }
     node_visits += std::uint64_t(e.count);
     const BvhNode& node = nodes[e.child];
-    const int stride = (e.count + list_slack + 7) & ~7;
-    int counts[bvh_width];
-    intersect_lists(NodePlanes(node, signs), rays, e.list, e.count, e.room, stride, counts);
-    Simd<float, 8> depth{};
-    for (int i = 0; i < 3; ++i) depth += along[i] * (load_eight(node.lo[i]) + load_eight(node.hi[i]));
-    // The farthest first.
-    const int base = size;
-    float depths[bvh_width];
-    for (int i = 0; i < bvh_width; ++i) {
-      if (!counts[i]) continue;
+    ChildLists lists{e.room, (e.count + list_slack + 7) & ~7, {}};
+    const unsigned met =
+        intersect_lists(NodePlanes(node, signs), rays, e.list, e.count, lists);
+    // The nearest is the last pushed.
+    const ChildRanks ranks(node, met, along);
+    std::uint32_t* next_room = e.room + bvh_width * lists.stride;
+    for (unsigned left = met; left; left &= left - 1) {
+      const int i = std::countr_zero(left);
       prefetch(node.child[i]);
-      int k = size++;
-      for (; k > base && depths[k - 1 - base] < depth[i]; --k)
-        stack[k] = stack[k - 1], depths[k - base] = depths[k - 1 - base];
-      stack[k] = {e.room + i * stride, e.room + bvh_width * stride, node.child[i], counts[i]};
-      depths[k - base] = depth[i];
+      stack[size + ranks.farther[i]] = {e.room + i * lists.stride, next_room, node.child[i],
+                                        lists.counts[i]};
     }
+    size += std::popcount(met);
   }
 }
 

@@ -54,7 +54,7 @@ struct RayNumbers {
   std::size_t operator[](std::size_t k) const { return first + order[k]; }
 };
 /// Most of them in one call.
-inline constexpr int max_rays_a_call = 8192;
+inline constexpr int max_rays_a_call = 16384;
 
 /// One intersection among all along a ray.
 struct Intersection {
