@@ -92,7 +92,7 @@ void expect_rays_meet_their_boxes(double size) {
       PatchRay<T> r;
       ASSERT_TRUE(make_patch_ray(ray, test::extent_of(size), r));
       const BoxRay b = make_box_ray(r);
-      Simd<float, 8> entry;
+      ChildValues entry;
       const unsigned met = intersect_boxes(NodePlanes(node, b.signs()), b, b.zmax, entry);
       ASSERT_TRUE(met >> k & 1) << round << " " << k;
     }
@@ -114,7 +114,7 @@ TEST(BoundsTest, AbsentChildrenAreNeverMet) {
     PatchRay<float> r;
     ASSERT_TRUE(make_patch_ray({{0, 0, 0}, awkward_direction(g)}, test::extent_of(1), r));
     const BoxRay b = make_box_ray(r);
-    Simd<float, 8> entry;
+    ChildValues entry;
     ASSERT_EQ(intersect_boxes(NodePlanes(node_of(boxes), b.signs()), b, b.zmax, entry), 0u);
   }
 }

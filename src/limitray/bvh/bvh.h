@@ -77,39 +77,49 @@ BoxRay make_box_ray(const PatchRay<T>& r) {
   return b;
 }
 
+/// One value for each child, in as many registers as it takes.
+struct ChildValues {
+  static constexpr int lanes = std::min(bvh_width, register_bytes / int(sizeof(float)));
+  static constexpr int parts = bvh_width / lanes;
+  using Part = Simd<float, lanes>;
+  Part part[parts];
+
+  ChildValues() = default;
+  explicit ChildValues(const float (&values)[bvh_width]) {
+    std::memcpy(part, values, sizeof(part));
+  }
+  void store(float (&values)[bvh_width]) const { std::memcpy(values, part, sizeof(part)); }
+};
+
 /// A node's planes in the order in which rays of the same signs meet them.
 struct NodePlanes {
-  Simd<float, 8> first[3], last[3];
+  ChildValues first[3], last[3];
 
   NodePlanes(const BvhNode& n, unsigned signs) {
     for (int i = 0; i < 3; ++i) {
       const bool down = signs >> i & 1;
-      first[i] = load_eight(down ? n.hi[i] : n.lo[i]), last[i] = load_eight(down ? n.lo[i] : n.hi[i]);
+      first[i] = ChildValues(down ? n.hi[i] : n.lo[i]);
+      last[i] = ChildValues(down ? n.lo[i] : n.hi[i]);
     }
   }
 };
 /// One bit a child that the ray may meet before zmax; `entry` gets where it enters.
 [[gnu::always_inline]] inline unsigned intersect_boxes(const NodePlanes& n, const BoxRay& r,
-                                                       float zmax, Simd<float, 8>& entry) {
-  using V = Simd<float, 8>;
+                                                       float zmax, ChildValues& entry) {
+  using V = ChildValues::Part;
   const V none{};
-  V in[3], out[3];
-  for (int i = 0; i < 3; ++i) {
-    in[i] = n.first[i] * r.inv[i] - (r.org_inv[i] - none);
-    out[i] = n.last[i] * r.inv[i] - (r.org_inv[i] - none);
-  }
-  entry = max(max(in[0], in[1]), max(in[2], V(r.zmin - none)));
-  const V exit = min(min(out[0], out[1]), min(out[2], V(zmax - none)));
-#if defined(LIMITRAY_AVX512)
-  return _mm256_cmp_ps_mask(__m256(entry), __m256(exit), _CMP_LE_OQ);
-#elif defined(LIMITRAY_AVX2)
-  return unsigned(_mm256_movemask_ps(_mm256_cmp_ps(__m256(entry), __m256(exit), _CMP_LE_OQ)));
-#else
-  const auto mask = entry <= exit;
   unsigned bits = 0;
-  for (int i = 0; i < 8; ++i) bits |= unsigned(mask[i] != 0) << i;
+  for (int k = 0; k < ChildValues::parts; ++k) {
+    V in[3], out[3];
+    for (int i = 0; i < 3; ++i) {
+      in[i] = n.first[i].part[k] * r.inv[i] - (r.org_inv[i] - none);
+      out[i] = n.last[i].part[k] * r.inv[i] - (r.org_inv[i] - none);
+    }
+    entry.part[k] = max(max(in[0], in[1]), max(in[2], V(r.zmin - none)));
+    const V exit = min(min(out[0], out[1]), min(out[2], V(zmax - none)));
+    bits |= bits_of(entry.part[k] <= exit) << (k * ChildValues::lanes);
+  }
   return bits;
-#endif
 }
 
 /// A child left to visit, and where the ray enters its box.
@@ -119,11 +129,13 @@ struct BvhEntry {
 };
 
 /// Pushes the children in `hits`, the farthest first, but keeps the nearest: it is returned.
-inline std::uint32_t push_farther(const BvhNode& node, unsigned hits, const Simd<float, 8>& entry,
+inline std::uint32_t push_farther(const BvhNode& node, unsigned hits, const ChildValues& entries,
                                   BvhEntry* stack, int& size) {
   const int first = std::countr_zero(hits);
   hits &= hits - 1;
   if (!hits) return node.child[first];  // most often
+  float entry[bvh_width];
+  entries.store(entry);
   BvhEntry nearest{node.child[first], entry[first]};
   const int base = size;
   do {
@@ -165,7 +177,7 @@ template <class Prefetch>
     while (!(current & leaf_flag)) {
       ++node_visits;
       const BvhNode& node = nodes[current];
-      Simd<float, 8> entry;
+      ChildValues entry;
       const unsigned hits = intersect_boxes(NodePlanes(node, signs), ray, zmax, entry);
       if (!hits) break;
       prefetch(node.child[std::countr_zero(hits)]);

@@ -43,7 +43,7 @@ inline unsigned intersect_lists(const NodePlanes& node, const BoxRay* rays,
       std::uint64_t bytes = 0;
       for (int k = 0; k < n; ++k) {
         const BoxRay& r = rays[ids[k]];
-        Simd<float, 8> entry;
+        ChildValues entry;
         bytes |= std::uint64_t(intersect_boxes(node, r, r.zmax, entry)) << (8 * k);
       }
       return bytes;
@@ -79,29 +79,27 @@ struct ChildRanks {
   std::uint8_t farther[bvh_width];
 
   ChildRanks(const BvhNode& node, unsigned met, const float (&along)[3]) {
-    using V = Simd<float, 8>;
-    using Bits = Simd<std::uint32_t, 8>;
-    V depth{};
-    for (int i = 0; i < 3; ++i) depth += along[i] * (load_eight(node.lo[i]) + load_eight(node.hi[i]));
-    // The last bits tell equal ones apart.
-    depth = V((Bits(depth) & ~7u) | Bits{0, 1, 2, 3, 4, 5, 6, 7});
+    using V = ChildValues::Part;
+    using Bits = Simd<std::uint32_t, ChildValues::lanes>;
+    constexpr std::uint32_t numbers[bvh_width] = {0, 1, 2, 3, 4, 5, 6, 7};
+    ChildValues depth;
+    for (int k = 0; k < ChildValues::parts; ++k) {
+      V sum{};
+      for (int i = 0; i < 3; ++i)
+        sum += along[i] * (ChildValues(node.lo[i]).part[k] + ChildValues(node.hi[i]).part[k]);
+      // The last bits tell equal ones apart.
+      Bits last_bits;
+      std::memcpy(&last_bits, numbers + k * ChildValues::lanes, sizeof(last_bits));
+      depth.part[k] = V((Bits(sum) & ~7u) | last_bits);
+    }
     float each[bvh_width];
-    store_eight(each, depth);
-    for (int i = 0; i < bvh_width; ++i)
-      farther[i] = std::uint8_t(std::popcount(met & greater(depth, each[i])));
-  }
-
- private:
-  static unsigned greater(Simd<float, 8> v, float x) {
-#if defined(LIMITRAY_AVX512)
-    return _mm256_cmp_ps_mask(__m256(v), _mm256_set1_ps(x), _CMP_GT_OQ);
-#elif defined(LIMITRAY_AVX2)
-    return unsigned(_mm256_movemask_ps(_mm256_cmp_ps(__m256(v), _mm256_set1_ps(x), _CMP_GT_OQ)));
-#else
-    unsigned bits = 0;
-    for (int i = 0; i < 8; ++i) bits |= unsigned(v[i] > x) << i;
-    return bits;
-#endif
+    depth.store(each);
+    for (int i = 0; i < bvh_width; ++i) {
+      unsigned greater = 0;
+      for (int k = 0; k < ChildValues::parts; ++k)
+        greater |= bits_of(depth.part[k] > each[i]) << (k * ChildValues::lanes);
+      farther[i] = std::uint8_t(std::popcount(met & greater));
+    }
   }
 };
 

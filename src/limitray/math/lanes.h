@@ -54,6 +54,25 @@ auto lane_of(const V& v, int lane) {
   }
 }
 
+template <class V>
+inline constexpr int lanes_of = int(sizeof(V) / sizeof(V{}[0]));
+template <class V, int... i>
+V powers_of_2(std::integer_sequence<int, i...>) {
+  return V{(1 << i)...};
+}
+template <class V, int... i>
+auto or_halves(V v, std::integer_sequence<int, i...>) {
+  return __builtin_shufflevector(v, v, i...) | __builtin_shufflevector(v, v, (int(sizeof...(i)) + i)...);
+}
+/// All lanes' bits together, in as many steps as there are halvings: compilers test lane by lane.
+template <class V>
+auto or_all(V v) {
+  if constexpr (lanes_of<V> == 2)
+    return v[0] | v[1];
+  else
+    return or_all(or_halves(v, std::make_integer_sequence<int, lanes_of<V> / 2>{}));
+}
+
 /// One bit a lane whose mask is set.
 template <class M>
 unsigned bits_of(M mask) {
@@ -75,10 +94,7 @@ unsigned bits_of(M mask) {
     if constexpr (sizeof(M) == 32 && sizeof(mask[0]) == 8)
       return unsigned(_mm256_movemask_pd(__m256d(mask)));
 #endif
-    unsigned bits = 0;
-    for (std::size_t i = 0; i < sizeof(mask) / sizeof(mask[0]); ++i)
-      bits |= unsigned(mask[i] != 0) << i;
-    return bits;
+    return unsigned(or_all(mask & powers_of_2<M>(std::make_integer_sequence<int, lanes_of<M>>{})));
   }
 }
 inline LaneMask mask_of(unsigned bits) {
