@@ -169,10 +169,11 @@ Vec3d direction_of(test::Generator& g, RayKind kind) {
   return d;
 }
 
-/// A patch in each lane, or one for all, and a ray aimed at a point of it; all rays are of a kind.
+/// A patch in each lane, or one for all, and a ray aimed at a point of it; rays of one kind or of
+/// several.
 struct Scenario {
-  RayKind kind;
-  bool same;
+  bool same, one_kind;
+  std::uint8_t kinds[lane_count];
   std::vector<test::RoundedPatch<float>> patch;
   std::vector<PatchNet<float>> nets;
   std::vector<PatchBump<float>> bumps;
@@ -186,9 +187,10 @@ struct Scenario {
   GeometryView<float> mesh{};
 
   Scenario(test::Generator& g, test::Shape shape, bool one_patch)
-      : kind(int(g() % RayKind::count)), same(one_patch) {
+      : same(one_patch), one_kind(same || g() % 2) {
     std::vector<test::Patch> exact;
     for (int j = 0; j < lane_count; ++j) {
+      kinds[j] = one_kind && j > 0 ? kinds[0] : std::uint8_t(g() % RayKind::count);
       if (j == 0 || !same) exact.push_back(test::random_patch(g, shape, g() % 2));
       add_ray(g, exact.back(), j);
     }
@@ -202,12 +204,12 @@ struct Scenario {
     const Vec3<Real> point = test::reference_point(p, u[j], v[j]);
     const Vec3d target{double(point.x), double(point.y), double(point.z)};
     t[j] = test::uniform(g, 0.5, 2);
-    object_ray[j].dir = 4.0 * direction_of(g, kind);
+    object_ray[j].dir = 4.0 * direction_of(g, RayKind(kinds[j]));
     object_ray[j].org = target - t[j] * object_ray[j].dir;
     PatchRay<float>& r = ray[j];
     EXPECT_TRUE(make_patch_ray(object_ray[j], test::extent_of(test::radius_of(p)), r));
     lane_ray[j] = {r.org_x, r.org_y, r.org_z, r.shear_x, r.shear_y, r.eps, r.zmin, r.zmax};
-    meetings[j] = {std::uint32_t(j), same ? 0 : std::uint32_t(j)};
+    meetings[j] = {std::uint32_t(j), kinds[j], same ? 0 : std::uint32_t(j)};
   }
   void add_patch(const test::Patch& p) {
     patch.emplace_back(p);
@@ -217,7 +219,7 @@ struct Scenario {
     models.push_back(make_patch_model(nets.back(), bump));
   }
   LanePatches lanes(int count = lane_count) const {
-    return {mesh, lane_ray, kind, meetings, count};
+    return {mesh, lane_ray, meetings, count};
   }
   std::uint32_t leaf(int j) const { return meetings[j].leaf; }
   ProjectedModel<float> model(int j) const { return project(models[leaf(j)], ray[j]); }
@@ -229,12 +231,25 @@ struct Scenario {
   }
 };
 
+TEST(LanesTest, OneAmongTheLanesIsEnoughToDiffer) {
+  test::Generator g{7};
+  auto s = std::make_unique<Scenario>(g, test::Shape::smooth, true);
+  ASSERT_TRUE(s->lanes().same && s->lanes().one_kind);
+  s->meetings[1].leaf = 5;
+  EXPECT_FALSE(s->lanes().same);
+  EXPECT_TRUE(s->lanes().one_kind);
+  s->meetings[1].leaf = 0, s->meetings[1].kind = (s->kinds[0] + 1) % RayKind::count;
+  EXPECT_FALSE(s->lanes().same || s->lanes().one_kind);
+  EXPECT_TRUE(s->lanes(1).same) << "lanes without a ray repeat another one";
+}
+
 TEST(LanesTest, ValuesAreThoseOfOneRay) {
   test::Generator g{11};
   for (int round = 0; round < 400 / test::rounds_divisor; ++round) {
     const auto s = std::make_unique<Scenario>(g, test::all_shapes[round % 8], round % 3 == 0);
     const LanePatches patches = s->lanes();
     ASSERT_EQ(patches.same, s->same);
+    ASSERT_TRUE(patches.one_kind || !s->one_kind);
     const LaneFrames frames(patches);
     const LaneModels m = project(patches, frames);
     LanePatch lanes;

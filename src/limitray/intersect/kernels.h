@@ -53,7 +53,7 @@ struct RayNumbers {
   std::size_t size() const { return order.size(); }
   std::size_t operator[](std::size_t k) const { return first + order[k]; }
 };
-/// Most of them in one call.
+/// Most of them in one call, fewer than 2^24. More share more nodes, until they outgrow the caches.
 inline constexpr int max_rays_a_call = 16384;
 
 /// One intersection among all along a ray.

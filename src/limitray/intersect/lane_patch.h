@@ -11,8 +11,7 @@
 namespace limitray {
 inline namespace LIMITRAY_ISA {
 
-/// The axis along which a ray's direction is longest, and the signs of the direction: rays of one
-/// kind share a register.
+/// The axis along which a ray's direction is longest, and the signs of the direction.
 struct RayKind {
   static constexpr int count = 24;
   int axis_z;
@@ -24,39 +23,46 @@ struct RayKind {
   float sign_z() const { return signs >> axis_z & 1 ? -1.0f : 1.0f; }
 };
 
-/// What the lanes read of a PatchRay; its kind is known.
+/// What the lanes read of a PatchRay, beside its kind.
 struct alignas(32) LaneRay {
   float org_x, org_y, org_z, shear_x, shear_y, eps, zmin, zmax;
 };
 
-/// A ray and a patch whose box it meets: their places in LanePatches::rays and in the mesh.
+/// A ray and a patch whose box it meets: its place among the LaneRays, its RayKind's number, and
+/// the patch's place in the mesh.
 struct Meeting {
-  std::uint32_t ray, leaf;
+  std::uint32_t ray : 24, kind : 8;
+  std::uint32_t leaf;
 };
-/// Meetings of rays of one kind, one in each lane.
+static_assert(sizeof(Meeting) == 8);
+
+/// Meetings, one in each lane.
 struct LanePatches {
   const GeometryView<float>& mesh;
   const LaneRay* rays;
-  RayKind kind;
   unsigned waiting;  // the lanes that have a meeting, one bit a lane
-  bool same;         // all are with one patch
+  bool one_kind;     // all rays are of one kind
+  bool same;         // and at one patch
   Meeting of[lane_count];
 
-  /// Those with a patch must lie together.
-  LanePatches(const GeometryView<float>& g, const LaneRay* r, RayKind k, const Meeting* m, int count)
-      : mesh(g), rays(r), kind(k), waiting((1u << count) - 1), same(m[0].leaf == m[count - 1].leaf) {
-    // A lane without a ray repeats another one's meeting; nobody looks at what comes out.
-    for (int j = 0; j < lane_count; ++j) of[j] = m[j < count ? j : 0];
+  LanePatches(const GeometryView<float>& g, const LaneRay* r, const Meeting* m, int count)
+      : mesh(g), rays(r), waiting((1u << count) - 1) {
+    std::uint32_t kinds = 0, leaves = 0;
+    for (int j = 0; j < lane_count; ++j) {
+      // A lane without a ray repeats another one's meeting; nobody looks at what comes out.
+      of[j] = m[j < count ? j : 0];
+      kinds |= of[j].kind ^ of[0].kind, leaves |= of[j].leaf ^ of[0].leaf;
+    }
+    one_kind = kinds == 0, same = (kinds | leaves) == 0;
   }
+  RayKind kind(int lane) const { return RayKind(of[lane].kind); }
 };
 
 /// PatchRay's frame, one for each lane.
 struct LaneFrames {
-  RayKind kind;
-  float sign_z;
-  Lanes org_x, org_y, org_z, shear_x, shear_y, zmin, zmax, eps, eps_z;
+  Lanes org_x, org_y, org_z, shear_x, shear_y, sign_z, zmin, zmax, eps, eps_z;
 
-  explicit LaneFrames(const LanePatches& p) : kind(p.kind), sign_z(p.kind.sign_z()) {
+  explicit LaneFrames(const LanePatches& p) {
     const float* rows[lane_count];
     for (int j = 0; j < lane_count; ++j) rows[j] = &p.rays[p.of[j].ray].org_x;
     Lanes m[8];
@@ -64,6 +70,14 @@ struct LaneFrames {
     org_x = m[0], org_y = m[1], org_z = m[2], shear_x = m[3], shear_y = m[4];
     eps = eps_z = m[5];  // eps_z is no larger
     zmin = m[6], zmax = m[7];
+    sign_z = p.one_kind ? p.kind(0).sign_z() - Lanes{} : signs_z(p);
+  }
+
+ private:
+  [[gnu::noinline]] static Lanes signs_z(const LanePatches& p) {
+    unsigned down = 0;
+    for (int j = 0; j < lane_count; ++j) down |= unsigned(p.kind(j).sign_z() < 0) << j;
+    return select(mask_of(down), Lanes{} - 1.0f, Lanes{} + 1.0f);
   }
 };
 
@@ -78,6 +92,23 @@ struct LaneModels {
   ProjectedModel<Lanes> projected;
   Lanes curvature;
 };
+/// A RayKind's number whose axes x, y, z are 0, 1, 2.
+inline constexpr int axes_in_order = 16;
+/// Brings the axes of models whose rays are of several kinds into that order, lane by lane.
+[[gnu::noinline]] inline void order_axes(const LanePatches& p, Lanes (&m)[16]) {
+  unsigned is_0 = 0, is_1 = 0;
+  for (int j = 0; j < lane_count; ++j) {
+    is_0 |= unsigned(p.kind(j).axis_z == 0) << j;
+    is_1 |= unsigned(p.kind(j).axis_z == 1) << j;
+  }
+  const LaneMask z_is_0 = mask_of(is_0), z_is_1 = mask_of(is_1);
+  for (int k = 0; k < 4; ++k) {
+    const Lanes a = m[k], b = m[4 + k], c = m[8 + k];
+    m[k] = select(z_is_0, b, select(z_is_1, c, a));
+    m[4 + k] = select(z_is_0, c, select(z_is_1, a, b));
+    m[8 + k] = select(z_is_0, a, select(z_is_1, b, c));
+  }
+}
 inline LaneModels project(const LanePatches& p, const LaneFrames& frames) {
   const float* rows[lane_count];
   for (int j = 0; j < lane_count; ++j) rows[j] = &p.mesh.models[p.of[j].leaf].axis[0].p;
@@ -89,7 +120,8 @@ inline LaneModels project(const LanePatches& p, const LaneFrames& frames) {
     return ModelAxis<Lanes>{m[4 * a], m[4 * a + 1], m[4 * a + 2], Lanes(d << 16),
                             Lanes(d & 0xFFFF0000u)};
   };
-  const RayKind& k = frames.kind;
+  if (!p.one_kind) order_axes(p, m);
+  const RayKind k = p.one_kind ? p.kind(0) : RayKind(axes_in_order);
   return {project(axis(k.axis_x()), axis(k.axis_y()), axis(k.axis_z), m[12], m[13], frames), m[15]};
 }
 
@@ -115,7 +147,8 @@ inline void bumps_to_ray_frame(const LanePatches& lanes, const LaneFrames& f, La
     alignas(Lanes) float x[lane_count], y[lane_count], z[lane_count];
     for (int j = 0; j < lane_count; ++j) {
       const auto at = [&](int axis) { return bumps[j] ? bumps[j]->c[axis][k] : 0.0f; };
-      x[j] = at(f.kind.axis_x()), y[j] = at(f.kind.axis_y()), z[j] = at(f.kind.axis_z);
+      const RayKind kind = lanes.kind(j);
+      x[j] = at(kind.axis_x()), y[j] = at(kind.axis_y()), z[j] = at(kind.axis_z);
     }
     const Lanes depth = load_lanes(z);
     p.bump_x[k] = load_lanes(x) + f.shear_x * depth;
@@ -126,10 +159,17 @@ inline void bumps_to_ray_frame(const LanePatches& lanes, const LaneFrames& f, La
 inline void to_ray_frame(const LanePatches& lanes, const LaneFrames& f,
                          const ProjectedModel<Lanes>& m, LanePatch& p) {
   const float *x[lane_count], *y[lane_count], *z[lane_count];
-  for (int j = 0; j < lane_count; ++j) {
-    const PatchNet<float>& net = lanes.mesh.nets[lanes.of[j].leaf];
-    x[j] = net.c[f.kind.axis_x()], y[j] = net.c[f.kind.axis_y()], z[j] = net.c[f.kind.axis_z];
-  }
+  const auto set_rows = [&](auto&& kind_of) {
+    for (int j = 0; j < lane_count; ++j) {
+      const PatchNet<float>& net = lanes.mesh.nets[lanes.of[j].leaf];
+      const RayKind kind = kind_of(j);
+      x[j] = net.c[kind.axis_x()], y[j] = net.c[kind.axis_y()], z[j] = net.c[kind.axis_z];
+    }
+  };
+  if (lanes.one_kind)
+    set_rows([kind = lanes.kind(0)](int) { return kind; });
+  else
+    set_rows([&](int j) { return lanes.kind(j); });
   load_values(x, lanes.same, p.x);
   load_values(y, lanes.same, p.y);
   load_values(z, lanes.same, p.z);

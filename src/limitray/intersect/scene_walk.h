@@ -77,39 +77,26 @@ class SceneWalk {
   T zmax;              // query.reach in that frame
   std::uint32_t leaf;  // the patch found last
 
-  /// The space where a walk begins: that of the scene's only instance, else the scene's own, whose
-  /// tree is over instances. Null if there is nothing to hit.
-  static const Extent* first_extent(const SceneView<T>& scene) {
-    if (scene.instances.size() != 1) return scene.nodes ? &scene.extent : nullptr;
-    const GeometryView<T>& g = scene.geometries[scene.instances[0].geometry];
-    return g.nodes ? &g.extent : nullptr;
-  }
-  /// The ray there.
-  [[gnu::always_inline]] static ObjectRay first_ray(const SceneView<T>& scene, const ObjectRay& r) {
-    return scene.instances.size() == 1 ? local_ray(scene.instances[0], r) : r;
-  }
-  /// Begins at the frame of first_ray in first_extent.
-  void begin(const SceneView<T>& scene, const ObjectRay& r, const PatchRay<T>& first) {
-    ray = r;
-    frame = first;
-    has_tree_ = scene.instances.size() != 1;
-    if (has_tree_) {
-      below_.end();
-      geometry_ = scene.geometries.data();  // any
-      world_ = first;
-      world_boxes_ = make_box_ray(world_);
-      above_.begin();
-    } else {
-      enter(scene, 0);
-    }
-  }
-  /// The same for one ray alone; false if it misses that extent.
+  /// False if the ray meets nothing of the scene. A scene of one instance is walked in its space;
+  /// another one has a tree over its instances.
   bool begin(const SceneView<T>& scene, const ObjectRay& r) {
+    ray = r;
     query.begin(r.tnear, r.tfar);
-    const Extent* extent = first_extent(scene);
-    PatchRay<T> first;
-    if (!extent || !make_patch_ray(first_ray(scene, r), *extent, first)) return false;
-    begin(scene, r, first);
+    has_tree_ = scene.instances.size() != 1;
+    if (!has_tree_) {
+      const InstanceView& in = scene.instances[0];
+      const GeometryView<T>& g = scene.geometries[in.geometry];
+      if (!g.nodes || !make_patch_ray(local_ray(in, r), g.extent, frame)) return false;
+      enter(scene, 0);
+      return true;
+    }
+    if (!scene.nodes || !make_patch_ray(r, scene.extent, world_)) return false;
+    frame = world_;
+    zmax = frame.zmax;
+    below_.end();
+    geometry_ = scene.geometries.data();  // any
+    world_boxes_ = boxes_ = make_box_ray(world_);
+    above_.begin();
     return true;
   }
   /// Sets `leaf` to the next patch that the ray may meet; false if there is none.

@@ -102,17 +102,16 @@ class RayStream {
                              : static_cast<const void*>(&geometry_->nodes[child]));
     };
     enter(room_.object, geometry_->extent, in, ids, count);
-    for (int kind = 0; kind < RayKind::count; ++kind) {
-      kind_ = RayKind(kind);
+    for (int kind = 0; kind < RayKind::count; ++kind)
       walk(geometry_->nodes, room_.object, kind, room_.object_lists.get(), prefetch,
            [&](std::uint32_t leaf, const RayId* list, int n) {
-             for (int k = 0; k < n; ++k) room_.to_test[room_.tests++] = {list[k], leaf};
+             for (int k = 0; k < n; ++k)
+               room_.to_test[room_.tests++] = {list[k], std::uint32_t(kind), leaf};
              test_models(lane_count);
            });
-      test_models(1);
-      solve(1);
-      finish_undecided();
-    }
+    test_models(1);
+    solve(1);
+    finish_undecided();
   }
 
   /// Walks those rays of `s` that are of one kind through its tree.
@@ -173,7 +172,7 @@ class RayStream {
   }
 
   LanePatches lanes_of(const Meeting* m, int count) const {
-    return {*geometry_, room_.object.rays, kind_, m, count};
+    return {*geometry_, room_.object.rays, m, count};
   }
 
   /// Tests the waiting meetings by the models while there are `enough`.
@@ -304,7 +303,6 @@ class RayStream {
   StreamRoom& room_ = StreamRoom::of_this_thread();
   std::uint32_t instance_ = 0;
   const GeometryView<float>* geometry_ = nullptr;
-  RayKind kind_{0};
 };
 
 }  // namespace LIMITRAY_ISA
