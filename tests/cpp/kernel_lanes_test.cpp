@@ -1,5 +1,6 @@
-// Several rays side by side (math/lanes.h, ray_space.h, lane_patch.h, lane_newton.h) against one ray
-// alone, and against known points: what a lane says of its ray is what the ray would hear by itself.
+// Several rays side by side (math/lanes.h, ray_space.h, lane_patch.h, lane_newton.h) against one
+// ray alone, and against known points: what a lane says of its ray is what the ray would hear by
+// itself.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -99,10 +100,11 @@ TEST(LanesTest, FramesAreThoseOfOneRay) {
   for (int round = 0; round < 1000 / test::rounds_divisor; ++round) {
     ObjectRay rays[lane_count];
     RayId ids[lane_count];
-    for (int j = 0; j < lane_count; ++j) rays[j] = any_ray(g, lane_count * round + j), ids[j] = 7 + j;
+    for (int j = 0; j < lane_count; ++j)
+      rays[j] = any_ray(g, lane_count * round + j), ids[j] = 7 + j;
     const int here = 1 + int(g() % lane_count);
     space->count = 0;
-    space->add(frames_of(rays), ids, here);
+    space->add(frames_of(rays), ids, here, 3);
     int k = 0;
     for (int j = 0; j < here; ++j) {
       PatchRay<float> alone;
@@ -110,6 +112,7 @@ TEST(LanesTest, FramesAreThoseOfOneRay) {
       ++met;
       ASSERT_LT(k, space->count);
       ASSERT_EQ(space->stream_ids[k], ids[j]);
+      ASSERT_EQ(space->instances[k], 3u);
       const LaneRay& lane = space->rays[k];
       const RayDepth<float>& depth = space->depths[k];
       const BoxRay &box = space->boxes[k], box_alone = make_box_ray(alone);
@@ -148,7 +151,7 @@ TEST(LanesTest, RaysAreSortedByKind) {
   const auto space = std::make_unique<RaySpace>();
   space->count = 1000;
   for (int k = 0; k < space->count; ++k) space->kinds[k] = std::uint8_t(g() % RayKind::count);
-  space->sort_by_kind();
+  space->sort_by_kind(0);
   EXPECT_EQ(space->kind_begin[0], 0);
   EXPECT_EQ(space->kind_begin[RayKind::count], space->count);
   for (int kind = 0; kind < RayKind::count; ++kind)
@@ -219,7 +222,7 @@ struct Scenario {
     models.push_back(make_patch_model(nets.back(), bump));
   }
   LanePatches lanes(int count = lane_count) const {
-    return {mesh, lane_ray, meetings, count};
+    return {lane_ray, meetings, count, [this](std::uint32_t) { return &mesh; }};
   }
   std::uint32_t leaf(int j) const { return meetings[j].leaf; }
   ProjectedModel<float> model(int j) const { return project(models[leaf(j)], ray[j]); }

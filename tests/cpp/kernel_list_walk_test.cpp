@@ -88,8 +88,8 @@ std::vector<std::uint32_t> leaves_of(const RandomTree& tree, const BoxRay& ray,
   one.begin();
   std::vector<std::uint32_t> leaves;
   while (true) {
-    const std::uint32_t leaf =
-        next_item(tree.nodes.data(), ray, ray.zmax, one, [](std::uint32_t) {}, node_visits);
+    const std::uint32_t leaf = next_item(
+        tree.nodes.data(), ray, ray.zmax, one, [](std::uint32_t) {}, node_visits);
     if (leaf == no_item) return leaves;
     leaves.push_back(leaf);
   }

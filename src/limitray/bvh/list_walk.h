@@ -1,8 +1,8 @@
 // Stage: BVH. Many rays walk a tree together: each node is visited once, with the list of the rays
 // that meet it.
 //
-// After Barringer and Akenine-Moeller 2014, "Dynamic Ray Stream Traversal". One ray alone waits: for
-// the next node, and for the branch that hangs on it. Here the loop over a node's rays has no
+// After Barringer and Akenine-Moeller 2014, "Dynamic Ray Stream Traversal". One ray alone waits:
+// for the next node, and for the branch that hangs on it. Here the loop over a node's rays has no
 // branch that depends on them, and the node is loaded once. Children are visited in an order that
 // is the same for all rays of a walk (by their depth along a direction common to them), so what a
 // ray meets, and when, does not depend on its neighbours.
@@ -129,8 +129,7 @@ void walk_lists(const BvhNode* nodes, const BoxRay* rays, unsigned signs, const 
     node_visits += std::uint64_t(e.count);
     const BvhNode& node = nodes[e.child];
     ChildLists lists{e.room, (e.count + list_slack + 7) & ~7, {}};
-    const unsigned met =
-        intersect_lists(NodePlanes(node, signs), rays, e.list, e.count, lists);
+    const unsigned met = intersect_lists(NodePlanes(node, signs), rays, e.list, e.count, lists);
     // The nearest is the last pushed.
     const ChildRanks ranks(node, met, along);
     std::uint32_t* next_room = e.room + bvh_width * lists.stride;

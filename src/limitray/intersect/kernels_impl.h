@@ -160,10 +160,7 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers num
         q.best = h;
         return true;
       },
-      [&](std::size_t i, const LeafHit<T>& best) {
-        out[i] = best.leaf != invalid_id;
-      },
-      stats);
+      [&](std::size_t i, const LeafHit<T>& best) { out[i] = best.leaf != invalid_id; }, stats);
 }
 
 inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, std::size_t i,

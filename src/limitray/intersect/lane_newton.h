@@ -66,7 +66,8 @@ inline LaneMask misses(const LanePatch& p, const LaneNet& n, const Contraction<L
   }
   Lanes e_x = p.eps_x, e_y = p.eps_y, e_u = k.e_u, e_v = k.e_v;
   if (p.any_bump) {
-    const Lanes x = bump_height<float> * sum_abs(p.bump_x), y = bump_height<float> * sum_abs(p.bump_y);
+    const Lanes x = bump_height<float> * sum_abs(p.bump_x),
+                y = bump_height<float> * sum_abs(p.bump_y);
     e_x += x, e_u += abs(k.m_uu) * x + abs(k.m_uv) * y;
     e_y += y, e_v += abs(k.m_vu) * x + abs(k.m_vv) * y;
   }
@@ -148,10 +149,10 @@ class LaneSolver {
     const Interval<Lanes> in_u{Lanes{} + u0, Lanes{} + (u0 + 0.5f)};
     const Interval<Lanes> in_v{Lanes{} + v0, Lanes{} + (v0 + 0.5f)};
     PatchRoot<Lanes> root;
-    const NewtonOutcome<Lanes> o = newton_steps(
-        patch_, k, Lanes(2.0f * m_.curvature), in_u, in_v,
-        in_u.clamp(u - (k.m_uu * p.x + k.m_uv * p.y)),
-        in_v.clamp(v - (k.m_vu * p.x + k.m_vv * p.y)), mask_of(decided), root, count.newton_steps);
+    const NewtonOutcome<Lanes> o = newton_steps(patch_, k, Lanes(2.0f * m_.curvature), in_u, in_v,
+                                                in_u.clamp(u - (k.m_uu * p.x + k.m_uv * p.y)),
+                                                in_v.clamp(v - (k.m_vu * p.x + k.m_vv * p.y)),
+                                                mask_of(decided), root, count.newton_steps);
     out.set(o, root, m_.projected.z_slope);
     return out;
   }
@@ -171,12 +172,14 @@ class LaneSolver {
     }
     Lanes e_x = patch_.eps_x, e_y = patch_.eps_y, e_z = m_.projected.eps_z;
     if (patch_.any_bump) {
-      e_x += bump_height<float> * sum_abs(patch_.bump_x), e_y += bump_height<float> * sum_abs(patch_.bump_y);
+      e_x += bump_height<float> * sum_abs(patch_.bump_x),
+          e_y += bump_height<float> * sum_abs(patch_.bump_y);
       e_z += bump_height<float> * sum_abs(patch_.bump_z);
     }
     // Each eps is at least 64 u of its component: rounding of the products and sums is in 1.5.
     const Lanes e = 1.5f * (abs(n_x) * e_x + abs(n_y) * e_y + abs(n_z) * e_z);
-    const Lanes from = max(frames_.zmin, Lanes(z_lo - e_z)), to = min(frames_.zmax, Lanes(z_hi + e_z));
+    const Lanes from = max(frames_.zmin, Lanes(z_lo - e_z)),
+                to = min(frames_.zmax, Lanes(z_hi + e_z));
     const Lanes a = n_z * from, b = n_z * to;
     return (from > to) | (min(a, b) > hi + e) | (max(a, b) < lo - e);
   }

@@ -38,24 +38,33 @@ static_assert(sizeof(Meeting) == 8);
 
 /// Meetings, one in each lane.
 struct LanePatches {
-  const GeometryView<float>& mesh;
   const LaneRay* rays;
   unsigned waiting;  // the lanes that have a meeting, one bit a lane
   bool one_kind;     // all rays are of one kind
   bool same;         // and at one patch
   Meeting of[lane_count];
+  const GeometryView<float>* mesh[lane_count];
 
-  LanePatches(const GeometryView<float>& g, const LaneRay* r, const Meeting* m, int count)
-      : mesh(g), rays(r), waiting((1u << count) - 1) {
+  /// mesh_of(ray) is the mesh that a ray meets.
+  template <class MeshOf>
+  LanePatches(const LaneRay* r, const Meeting* m, int count, MeshOf&& mesh_of)
+      : rays(r), waiting((1u << count) - 1) {
     std::uint32_t kinds = 0, leaves = 0;
+    bool meshes = true;
     for (int j = 0; j < lane_count; ++j) {
       // A lane without a ray repeats another one's meeting; nobody looks at what comes out.
       of[j] = m[j < count ? j : 0];
+      mesh[j] = mesh_of(of[j].ray);
       kinds |= of[j].kind ^ of[0].kind, leaves |= of[j].leaf ^ of[0].leaf;
+      meshes &= mesh[j] == mesh[0];
     }
-    one_kind = kinds == 0, same = (kinds | leaves) == 0;
+    one_kind = kinds == 0, same = meshes && (kinds | leaves) == 0;
   }
   RayKind kind(int lane) const { return RayKind(of[lane].kind); }
+  const PatchModel<float>& model(int lane) const { return mesh[lane]->models[of[lane].leaf]; }
+  const PatchNet<float>& net(int lane) const { return mesh[lane]->nets[of[lane].leaf]; }
+  /// Null for a Bezier patch.
+  const PatchBump<float>* bump(int lane) const { return bump_of(*mesh[lane], of[lane].leaf); }
 };
 
 /// PatchRay's frame, one for each lane.
@@ -111,7 +120,7 @@ inline constexpr int axes_in_order = 16;
 }
 inline LaneModels project(const LanePatches& p, const LaneFrames& frames) {
   const float* rows[lane_count];
-  for (int j = 0; j < lane_count; ++j) rows[j] = &p.mesh.models[p.of[j].leaf].axis[0].p;
+  for (int j = 0; j < lane_count; ++j) rows[j] = &p.model(j).axis[0].p;
   Lanes m[16];
   load_values(rows, p.same, m);
   const auto axis = [&](int a) {
@@ -139,7 +148,7 @@ struct LanePatch : LaneNet {
 inline void bumps_to_ray_frame(const LanePatches& lanes, const LaneFrames& f, LanePatch& p) {
   const PatchBump<float>* bumps[lane_count];
   for (int j = 0; j < lane_count; ++j) {
-    bumps[j] = bump_of(lanes.mesh, lanes.of[j].leaf);
+    bumps[j] = lanes.bump(j);
     p.any_bump |= bumps[j] != nullptr;
   }
   if (!p.any_bump) return;
@@ -161,7 +170,7 @@ inline void to_ray_frame(const LanePatches& lanes, const LaneFrames& f,
   const float *x[lane_count], *y[lane_count], *z[lane_count];
   const auto set_rows = [&](auto&& kind_of) {
     for (int j = 0; j < lane_count; ++j) {
-      const PatchNet<float>& net = lanes.mesh.nets[lanes.of[j].leaf];
+      const PatchNet<float>& net = lanes.net(j);
       const RayKind kind = kind_of(j);
       x[j] = net.c[kind.axis_x()], y[j] = net.c[kind.axis_y()], z[j] = net.c[kind.axis_z];
     }

@@ -65,8 +65,8 @@ struct LaneFrameMaker {
   }
 };
 
-/// Rays in the space of a tree, and which rays of the stream they are. The last place is written
-/// to for rays that miss the tree.
+/// Rays in the space of a tree, or in those of several instances, and which rays of the stream they
+/// are. The last place is written to for rays that miss the tree.
 struct RaySpace {
   int count = 0;
   BoxRay boxes[max_rays_a_call + 1];
@@ -74,11 +74,12 @@ struct RaySpace {
   RayDepth<float> depths[max_rays_a_call + 1];
   std::uint8_t kinds[max_rays_a_call + 1];
   RayId stream_ids[max_rays_a_call + 1];
-  RayId by_kind[max_rays_a_call + list_slack];  // our rays, sorted
-  int kind_begin[RayKind::count + 1];         // where those of a kind begin
+  std::uint32_t instances[max_rays_a_call + 1];
+  RayId by_kind[max_rays_a_call + list_slack];  // those that came last, sorted
+  int kind_begin[RayKind::count + 1];           // where those of a kind begin
 
-  /// Appends those of `here` rays that meet the tree.
-  void add(const LaneFrameMaker& f, const RayId* ids, int here) {
+  /// Appends those of `here` rays that meet the tree of an instance.
+  void add(const LaneFrameMaker& f, const RayId* ids, int here, std::uint32_t instance) {
     int place[lane_count], next = count;
     float *lane_rows[lane_count], *box_rows[lane_count];
     const LaneBits kind = f.kinds();
@@ -90,6 +91,7 @@ struct RaySpace {
       depths[place[j]] = f.depths[j];
       kinds[place[j]] = std::uint8_t(lane_of(kind, j));
       stream_ids[place[j]] = j < here ? ids[j] : 0;
+      instances[place[j]] = instance;
     }
     count = next;
     Lanes values[8];
@@ -98,15 +100,16 @@ struct RaySpace {
     f.box_rays(values);
     store_by_lane(values, box_rows);
   }
-  void sort_by_kind() {
+  /// Sorts the rays from `first` on.
+  void sort_by_kind(int first) {
     int next[RayKind::count] = {};
-    for (int k = 0; k < count; ++k) ++next[kinds[k]];
+    for (int k = first; k < count; ++k) ++next[kinds[k]];
     kind_begin[0] = 0;
     for (int i = 0; i < RayKind::count; ++i) {
       kind_begin[i + 1] = kind_begin[i] + next[i];
       next[i] = kind_begin[i];
     }
-    for (int k = 0; k < count; ++k) by_kind[next[kinds[k]]++] = RayId(k);
+    for (int k = first; k < count; ++k) by_kind[next[kinds[k]]++] = RayId(k);
   }
 };
 

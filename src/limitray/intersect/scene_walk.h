@@ -38,16 +38,16 @@ struct LeafHit {
 /// What a ray looks for, and what it has found.
 template <class T>
 struct RayQuery {
-  double tnear, tfar;  // as given
-  double reach;        // the far end as it stands; on_hit lowers it
-  LeafHit<T> best;     // for callers that keep one
+  double tnear, tfar;    // as given
+  double reach;          // the far end as it stands; on_hit lowers it
+  LeafHit<T> best;       // for callers that keep one
   std::uint32_t splits;  // done for it so far
 
   void begin(double from, double to) { tnear = from, tfar = reach = to, best = {}, splits = 0; }
 
-  /// A point where the ray meets patch `leaf` of an instance, in whose frame it is: on_hit(LeafHit),
-  /// if it is between tnear and reach, returns true to end the search and may lower `reach`. `zmax`
-  /// is reach in that frame.
+  /// A point where the ray meets patch `leaf` of an instance, in whose frame it is:
+  /// on_hit(LeafHit), if it is between tnear and reach, returns true to end the search and may
+  /// lower `reach`. `zmax` is reach in that frame.
   template <class OnHit>
   bool report(const RayDepth<T>& frame, T& zmax, std::uint32_t instance, std::uint32_t leaf,
               const PatchRoot<T>& root, OnHit&& on_hit) {
@@ -71,7 +71,7 @@ inline ObjectRay local_ray(const InstanceView& in, const ObjectRay& r) {
 template <class T>
 class SceneWalk {
  public:
-  ObjectRay ray;       // in the scene
+  ObjectRay ray;  // in the scene
   RayQuery<T> query;
   PatchRay<T> frame;   // the ray in the instance that it is in
   T zmax;              // query.reach in that frame
@@ -108,8 +108,7 @@ class SceneWalk {
                              : static_cast<const void*>(&geometry_->nodes[child]));
     };
     while (true) {
-      leaf =
-          next_item(geometry_->nodes, boxes_, float_up(zmax), below_, prefetch, node_visits);
+      leaf = next_item(geometry_->nodes, boxes_, float_up(zmax), below_, prefetch, node_visits);
       if (leaf != no_item) return true;
       if (!next_instance(scene, node_visits)) return false;
     }
@@ -133,8 +132,8 @@ class SceneWalk {
   bool next_instance(const SceneView<T>& scene, std::uint64_t& node_visits) {
     while (has_tree_) {
       const std::uint32_t next = next_item(
-          scene.nodes, world_boxes_, float_up(world_.z_above(query.reach)), above_, [](std::uint32_t) {},
-          node_visits);
+          scene.nodes, world_boxes_, float_up(world_.z_above(query.reach)), above_,
+          [](std::uint32_t) {}, node_visits);
       if (next == no_item) return false;
       const InstanceView& in = scene.instances[next];
       const GeometryView<T>& g = scene.geometries[in.geometry];

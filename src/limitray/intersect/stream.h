@@ -24,9 +24,12 @@ inline namespace LIMITRAY_ISA {
 struct StreamRoom {
   RayQuery<float> queries[max_rays_a_call];
   RaySpace world, object;
-  std::unique_ptr<RayId[]> world_lists = std::make_unique_for_overwrite<RayId[]>(list_room(max_rays_a_call));
-  std::unique_ptr<RayId[]> object_lists = std::make_unique_for_overwrite<RayId[]>(list_room(max_rays_a_call));
+  std::unique_ptr<RayId[]> world_lists =
+      std::make_unique_for_overwrite<RayId[]>(list_room(max_rays_a_call));
+  std::unique_ptr<RayId[]> object_lists =
+      std::make_unique_for_overwrite<RayId[]>(list_room(max_rays_a_call));
   RayId all[max_rays_a_call];
+  RayId in_world[max_rays_a_call];  // a ray's place in `world`
   std::vector<Meeting> undecided, to_split;
   Meeting to_test[max_rays_a_call + lane_count], to_solve[2 * lane_count];
   int tests = 0, solves = 0;
@@ -60,10 +63,12 @@ class RayStream {
                              batch_.tfar[batch_.tfar.size() == 1 ? 0 : k]);
       room_.all[i] = RayId(i);
     }
+    room_.object.count = 0;
     if (scene_.instances.size() == 1)
       trace_instance(0, room_.all, count);
     else if (scene_.nodes)
       trace_instances(count);
+    finish();
     for (int i = 0; i < count; ++i) on_end_(number_of(RayId(i)), room_.queries[i].best);
   }
 
@@ -74,44 +79,48 @@ class RayStream {
   /// Walks through the tree of instances.
   void trace_instances(int count) {
     RaySpace& s = room_.world;
-    enter(s, scene_.extent, {}, room_.all, count);
-    for (int kind = 0; kind < RayKind::count; ++kind) {
-      walk(scene_.nodes, s, kind, room_.world_lists.get(), [](std::uint32_t) {},
-           [&](std::uint32_t instance, const RayId* list, int n) {
-             for (int k = 0; k < n; ++k) room_.all[k] = s.stream_ids[list[k]];
-             trace_instance(instance, room_.all, n);
-             for (int k = 0; k < n; ++k)
-               s.boxes[list[k]].zmax =
-                   std::min(s.boxes[list[k]].zmax, zmax_of(s, list[k]));
-           });
+    s.count = 0;
+    enter(s, scene_.extent, 0, {0, true, {}, {}}, room_.all, count);
+    for (int k = 0; k < s.count; ++k) {
+      room_.in_world[s.stream_ids[k]] = RayId(k);
+      s.kinds[k] %= 8;  // by signs alone: instances get longer lists
     }
-  }
-  float zmax_of(const RaySpace& s, RayId ray) const {
-    const double reach = room_.queries[s.stream_ids[ray]].reach;
-    return s.depths[ray].z_above(reach);
+    s.sort_by_kind(0);
+    has_world_ = true;
+    for (int kind = 0; kind < RayKind::count; ++kind)
+      walk(
+          scene_.nodes, s, kind, room_.world_lists.get(), [](std::uint32_t) {},
+          [&](std::uint32_t instance, const RayId* list, int n) {
+            for (int k = 0; k < n; ++k) room_.all[k] = s.stream_ids[list[k]];
+            trace_instance(instance, room_.all, n);
+          });
   }
 
-  /// Meets some rays with an instance.
+  /// Meets some rays with an instance. What waits then for others to fill a register goes on with
+  /// those of the next instance.
   void trace_instance(std::uint32_t i, const RayId* ids, int count) {
     const InstanceView& in = scene_.instances[i];
-    instance_ = i, geometry_ = &scene_.geometries[in.geometry];
-    if (!geometry_->nodes) return;
+    const GeometryView<float>& g = scene_.geometries[in.geometry];
+    if (!g.nodes) return;
+    RaySpace& s = room_.object;
+    if (s.count + count > max_rays_a_call) finish(), s.count = 0;
+    const int first = s.count;
+    enter(s, g.extent, i, in, ids, count);
+    s.sort_by_kind(first);
     const auto prefetch = [&](std::uint32_t child) {
-      __builtin_prefetch(child & leaf_flag
-                             ? static_cast<const void*>(&geometry_->models[child & ~leaf_flag])
-                             : static_cast<const void*>(&geometry_->nodes[child]));
+      __builtin_prefetch(child & leaf_flag ? static_cast<const void*>(&g.models[child & ~leaf_flag])
+                                           : static_cast<const void*>(&g.nodes[child]));
     };
-    enter(room_.object, geometry_->extent, in, ids, count);
     for (int kind = 0; kind < RayKind::count; ++kind)
-      walk(geometry_->nodes, room_.object, kind, room_.object_lists.get(), prefetch,
+      walk(g.nodes, s, kind, room_.object_lists.get(), prefetch,
            [&](std::uint32_t leaf, const RayId* list, int n) {
              for (int k = 0; k < n; ++k)
                room_.to_test[room_.tests++] = {list[k], std::uint32_t(kind), leaf};
              test_models(lane_count);
            });
-    test_models(1);
-    solve(1);
-    finish_undecided();
+  }
+  const GeometryView<float>& mesh_of(RayId ray) const {
+    return scene_.geometries[scene_.instances[room_.object.instances[ray]].geometry];
   }
 
   /// Walks those rays of `s` that are of one kind through its tree.
@@ -129,9 +138,8 @@ class RayStream {
   }
 
   /// S1 for `count` rays, in the space of an instance or, for an identity, of the scene.
-  void enter(RaySpace& s, const Extent& extent, const InstanceView& in, const RayId* ids,
-             int count) {
-    s.count = 0;
+  void enter(RaySpace& s, const Extent& extent, std::uint32_t instance, const InstanceView& in,
+             const RayId* ids, int count) {
     for (int k = 0; k < count; k += lane_count) {
       const int here = std::min(lane_count, count - k);
       for (int j = k + 2 * lane_count; j < std::min(count, k + 3 * lane_count); ++j)
@@ -157,9 +165,8 @@ class RayStream {
         if (!in.identity) to_object(in, org, dir);
         return RayFrame<HalfLanes, float>(org, dir, from, to, extent);
       };
-      s.add(LaneFrameMaker(frame(false), frame(true)), ids + k, here);
+      s.add(LaneFrameMaker(frame(false), frame(true)), ids + k, here, instance);
     }
-    s.sort_by_kind();
   }
   static void to_object(const InstanceView& in, HalfLanes (&org)[3], HalfLanes (&dir)[3]) {
     const auto times = [&](const HalfLanes(&v)[3], int i) {
@@ -172,7 +179,8 @@ class RayStream {
   }
 
   LanePatches lanes_of(const Meeting* m, int count) const {
-    return {*geometry_, room_.object.rays, m, count};
+    if (!has_world_) return {room_.object.rays, m, count, [this](RayId) { return &mesh_of(0); }};
+    return {room_.object.rays, m, count, [this](RayId ray) { return &mesh_of(ray); }};
   }
 
   /// Tests the waiting meetings by the models while there are `enough`.
@@ -188,7 +196,7 @@ class RayStream {
       for (unsigned left = lanes.waiting & ~v.missed; left; left &= left - 1) {
         const int j = std::countr_zero(left);
         if (v.decided >> j & 1) {
-          prefetch_patch(m[j].leaf);
+          prefetch_patch(*lanes.mesh[j], m[j].leaf);
           room_.to_solve[room_.solves++] = m[j];
         } else {
           room_.undecided.push_back(m[j]);
@@ -199,9 +207,9 @@ class RayStream {
     std::copy(room_.to_test + done, room_.to_test + room_.tests, room_.to_test);
     room_.tests -= done;
   }
-  void prefetch_patch(std::uint32_t leaf) const {
-    const auto* net = reinterpret_cast<const char*>(&geometry_->nets[leaf]);
-    __builtin_prefetch(&geometry_->infos[leaf]);
+  static void prefetch_patch(const GeometryView<float>& g, std::uint32_t leaf) {
+    const auto* net = reinterpret_cast<const char*>(&g.nets[leaf]);
+    __builtin_prefetch(&g.infos[leaf]);
     for (std::size_t line = 0; line < sizeof(PatchNet<float>); line += 64)
       __builtin_prefetch(net + line);
   }
@@ -226,16 +234,18 @@ class RayStream {
     }
   }
 
-  /// What the models leave undecided: by the nets, then in quarters, then by bisection.
-  void finish_undecided() {
+  /// What still waits, and what the models leave undecided: by the nets, then in quarters, then by
+  /// bisection.
+  void finish() {
+    test_models(1);
+    solve(1);
     for_each_register(room_.undecided, [&](const Meeting* m, int n) { solve(m, n); });
     for_each_register(room_.to_split, [&](const Meeting* m, int n) { split(m, n); });
   }
   template <class F>
   void for_each_register(std::vector<Meeting>& list, F&& f) {
     const int count = int(list.size());
-    for (int k = 0; k < count; k += lane_count)
-      f(list.data() + k, std::min(lane_count, count - k));
+    for (int k = 0; k < count; k += lane_count) f(list.data() + k, std::min(lane_count, count - k));
     list.clear();
   }
   void split(const Meeting* m, int n) {
@@ -264,11 +274,17 @@ class RayStream {
   }
   bool report(const Meeting& m, const RayDepth<float>& depth, const PatchRoot<float>& root) {
     float& zmax = room_.object.rays[m.ray].zmax;
-    RayQuery<float>& q = room_.queries[room_.object.stream_ids[m.ray]];
-    const bool ended = q.report(depth, zmax, instance_, m.leaf, root,
+    const RayId id = room_.object.stream_ids[m.ray];
+    RayQuery<float>& q = room_.queries[id];
+    const bool ended = q.report(depth, zmax, room_.object.instances[m.ray], m.leaf, root,
                                 [&](const LeafHit<float>& h) { return on_hit_(q, h); });
     if (ended) zmax = -std::numeric_limits<float>::infinity(), q.reach = zmax;
     room_.object.boxes[m.ray].zmax = zmax;
+    if (has_world_) {
+      const RayId place = room_.in_world[id];
+      float& world_zmax = room_.world.boxes[place].zmax;
+      world_zmax = ended ? zmax : std::min(world_zmax, room_.world.depths[place].z_above(q.reach));
+    }
     return ended;
   }
 
@@ -277,13 +293,14 @@ class RayStream {
     const RayId id = room_.object.stream_ids[m.ray];
     RayQuery<float>& q = room_.queries[id];
     PatchRay<float> frame;
-    ObjectRay ray = local_ray(scene_.instances[instance_], load_ray(batch_, number_of(id)));
+    const InstanceView& in = scene_.instances[room_.object.instances[m.ray]];
+    const GeometryView<float>& g = scene_.geometries[in.geometry];
+    ObjectRay ray = local_ray(in, load_ray(batch_, number_of(id)));
     ray.tfar = q.reach;
-    if (!make_patch_ray(ray, geometry_->extent, frame)) return;
+    if (!make_patch_ray(ray, g.extent, frame)) return;
     counts_.before_ray = counts_.splits - q.splits;
     bisect_patch<float, true>(
-        geometry_->nets[m.leaf], bump_of(*geometry_, m.leaf),
-        project(geometry_->models[m.leaf], frame), frame, frame.zmax,
+        g.nets[m.leaf], bump_of(g, m.leaf), project(g.models[m.leaf], frame), frame, frame.zmax,
         [&](const PatchRoot<float>& root, float& zmax) {
           const bool ended = report(m, frame, root);
           zmax = std::min(zmax, frame.z_above(q.reach));
@@ -301,8 +318,7 @@ class RayStream {
   PatchCounters& counts_;
   std::uint64_t& node_visits_;
   StreamRoom& room_ = StreamRoom::of_this_thread();
-  std::uint32_t instance_ = 0;
-  const GeometryView<float>* geometry_ = nullptr;
+  bool has_world_ = false;  // the scene has several instances
 };
 
 }  // namespace LIMITRAY_ISA

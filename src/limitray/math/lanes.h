@@ -62,7 +62,8 @@ V powers_of_2(std::integer_sequence<int, i...>) {
 }
 template <class V, int... i>
 auto or_halves(V v, std::integer_sequence<int, i...>) {
-  return __builtin_shufflevector(v, v, i...) | __builtin_shufflevector(v, v, (int(sizeof...(i)) + i)...);
+  return __builtin_shufflevector(v, v, i...) |
+         __builtin_shufflevector(v, v, (int(sizeof...(i)) + i)...);
 }
 /// All lanes' bits together, in as many steps as there are halvings: compilers test lane by lane.
 template <class V>
