@@ -3,12 +3,14 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <optional>
 #include <stdexcept>
 
 #include "limitray/cage/obj.h"
+#include "limitray/intersect/ray_order.h"
 #include "limitray/patches/gregory_error.h"
 #include "limitray/patches/refine.h"
 #include "limitray_tracer.h"
@@ -141,9 +143,27 @@ std::vector<Row> measure_batch(const std::vector<NamedTracer>& batch, Scene& sce
   return rows;
 }
 
-std::vector<Question> make_questions(const Scene& scene, std::size_t rays, Comparison& result) {
+/// The same rays in the order in which limitray traces them.
+RaySet sorted(const Scene& scene, const RaySet& set) {
+  const std::array<Vec3d, 2> b = scene.bounds();
+  const Vec3d half = 0.5 * (b[1] - b[0]);
+  RayOrder order({0.5 * (b[0] + b[1]), half, 0}, scene.mesh_statistics(0).patches);
+  RaySet result = set;
+  result.rays.clear();
+  const RayBatch<float> batch{set.rays, {}, {}};
+  for (std::size_t first = 0; first < set.size(); first += max_ordered_rays)
+    for (const std::uint32_t i :
+         order.sort(batch, first, std::min(max_ordered_rays, set.size() - first)))
+      result.rays.insert(result.rays.end(), &set.rays[6 * (first + i)],
+                         &set.rays[6 * (first + i)] + 6);
+  return result;
+}
+
+std::vector<Question> make_questions(const Scene& scene, const Options& options,
+                                     Comparison& result) {
   std::vector<Question> questions;
   const auto add = [&](RaySet set) {
+    if (options.sort) set = sorted(scene, set);
     OracleHits truth = ask_oracle(scene, set);
     const auto hits =
         std::count_if(truth.t.begin(), truth.t.end(), [](double t) { return std::isfinite(t); });
@@ -151,7 +171,7 @@ std::vector<Question> make_questions(const Scene& scene, std::size_t rays, Compa
     result.hit_rates.push_back(set.size() ? double(hits) / double(set.size()) : 0);
     questions.push_back({std::move(set), std::move(truth)});
   };
-  add(primary_rays(scene, rays));
+  add(primary_rays(scene, options.rays));
   add(diffuse_rays(scene, questions[0].rays, questions[0].truth));
   if (questions[1].rays.size() == 0)
     throw std::runtime_error("the surface is empty: no ray meets it");
@@ -213,7 +233,7 @@ Comparison compare(const Options& given, const Report& report) {
   result.mesh = scene.mesh_statistics(0);
   result.build_times = own_scenes.times;
   report("asking the oracle");
-  const std::vector<Question> questions = make_questions(scene, options.rays, result);
+  const std::vector<Question> questions = make_questions(scene, options, result);
 
   const PatchBuffer<double> patches =
       Refiner(cage, {options.isolation_level}).make_patches(cage.points);

@@ -22,6 +22,8 @@ Traces the same rays with limitray and with Embree, and says how fast and how ex
                         rate), embree-triangles-N (N x N quads a patch), embree-geometry,
                         limitray for nothing (default: rates 4, 8, 16, 32, quads 4, 8, 16
                         and embree-geometry)
+  --sort                sort the rays as limitray does before any tracer gets them; without it
+                        limitray sorts on the clock, and Embree gets them in their order
   --robust              Embree's robust scenes (default: its default, RTC_SCENE_FLAG_NONE)
   --json FILE           write the figures to FILE, "-" for standard output
 
@@ -84,6 +86,8 @@ Options parse_options(const std::vector<std::string>& arguments) {
       o.rounds = int(parse_count(name, value(), 1, 1000));
     } else if (name == "--tracers") {
       o.tracers = split_at_commas(value());
+    } else if (name == "--sort") {
+      o.sort = true;
     } else if (name == "--robust") {
       o.robust = true;
     } else if (name == "--json") {

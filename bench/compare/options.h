@@ -21,6 +21,7 @@ struct Options {
                                    "embree-triangles-4",    "embree-triangles-8",
                                    "embree-triangles-16",   "embree-geometry"};
   bool robust = false;
+  bool sort = false;
   bool help = false;
 };
 

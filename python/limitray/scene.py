@@ -289,6 +289,9 @@ class Scene(OnDevice):
     ) -> dict[str, NDArray[Any]]:
         """The closest hit of each ray.
 
+        float32 rays of a call are traced together: one call with 10,000 rays or more is twice as
+        fast as many calls with a few hundred. Their order does not matter.
+
         Parameters
         ----------
         rays : array (..., 6) of float32 or float64, any strides

@@ -56,6 +56,54 @@ TYPED_TEST(SceneTest, SameBitsForAnyNumberOfThreadsAndOrder) {
   }
 }
 
+/// Many instances that overlap: a ray visits a dozen, and thousands of rays share them.
+void add_crowd(Scene& scene) {
+  const std::uint32_t id = scene.add_mesh(cage("pole_12"), {3});
+  test::Generator g{12};
+  for (int k = 1; k < 60; ++k) {
+    Affine a;
+    const double angle = test::uniform(g, 0, 6.3), size = test::uniform(g, 0.3, 1);
+    a.linear = {Vec3d{size * std::cos(angle), -size * std::sin(angle), 0},
+                Vec3d{0.3 * size, size * std::cos(angle), size * std::sin(angle)},
+                Vec3d{0, -size * std::sin(angle), size * std::cos(angle)}};
+    a.offset = test::random_direction(g);
+    scene.add_instance(id, a);
+  }
+}
+
+// Rays wait for others to fill a register, across instances; what they meet must not depend on it.
+TEST(SceneInstancesTest, SameBitsForAnyNumberOfThreadsAndOrder) {
+  const Rays<float> rays = random_rays<float>(60000);
+  Rays<float> reversed, few;
+  for (std::size_t i = rays.size(); i-- > 0;) reversed.add(rays.org(i), rays.dir(i));
+  for (std::size_t i = 0; i < 500; ++i) few.add(rays.org(i), rays.dir(i));
+  Scene one(1), three(3);
+  add_crowd(one), add_crowd(three);
+  const Hits<float> expected = cast(one, rays);
+  EXPECT_GT(one.statistics().splits, 1000u) << "many are undecided at first";
+  EXPECT_TRUE(cast(three, rays) == expected);
+  const Hits<float> back = cast(one, reversed), part = cast(one, few);
+  const auto same = [&](const Hits<float>& h, std::size_t k, std::size_t i) {
+    ASSERT_EQ(h.t[k], expected.t[i]);
+    ASSERT_EQ(h.t_error[k], expected.t_error[i]);
+    ASSERT_EQ(h.patch_id[k], expected.patch_id[i]);
+    ASSERT_EQ(h.geometry_id[k], expected.geometry_id[i]);
+    ASSERT_EQ(h.uv[2 * k], expected.uv[2 * i]);
+  };
+  for (std::size_t i = 0; i < rays.size(); ++i) same(back, rays.size() - 1 - i, i);
+  for (std::size_t i = 0; i < few.size(); ++i) same(part, i, i);
+  // The same hits as in double, where rays come one by one.
+  Rays<double> exact;
+  for (std::size_t i = 0; i < 2000; ++i) exact.add(rays.org(i), rays.dir(i));
+  const Hits<double> d = cast(one, exact);
+  for (std::size_t i = 0; i < exact.size(); ++i) {
+    ASSERT_TRUE(expected.hit(i) || !d.hit(i)) << i;
+    if (d.hit(i)) {
+      ASSERT_LE(expected.t[i] - expected.t_error[i], d.t[i] + d.t_error[i]) << i;
+    }
+  }
+}
+
 TYPED_TEST(SceneTest, NearIsExclusiveAndFarInclusive) {
   using T = TypeParam;
   Scene scene(1);

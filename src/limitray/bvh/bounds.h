@@ -12,9 +12,9 @@ inline namespace LIMITRAY_ISA {
 ///
 /// Rounding of what the box is made from (docs/accuracy.md, section 3): storage u R, a chain of
 /// ten midpoints 10 u R, the sums with the reach of the bump and the padding 2 u R. Rounding of the
-/// slab test: the origin is in the extent, so a plane is at most D = 2 R from it; origin u R,
-/// subtraction u D, reciprocal 2 u D, product u D, together 9 u R. In all 22 u R; 48 leaves room
-/// for the higher orders and for the padding itself.
+/// slab test: the origin is in the extent, so a plane is at most D = 2 R from it; origin u R, its
+/// product u R, reciprocal 2 u D, the plane's product u R, difference u D, together 9 u R. In all
+/// 22 u R; 48 leaves room for the higher orders and for the padding itself.
 inline float box_padding(double radius) {
   return float(48 * double(unit_roundoff<float>) * radius * (1 + 1e-6));
 }

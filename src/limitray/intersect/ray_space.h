@@ -100,6 +100,10 @@ struct RaySpace {
     f.box_rays(values);
     store_by_lane(values, box_rows);
   }
+  void move(int from, int to) {
+    boxes[to] = boxes[from], rays[to] = rays[from], depths[to] = depths[from];
+    kinds[to] = kinds[from], stream_ids[to] = stream_ids[from], instances[to] = instances[from];
+  }
   /// Sorts the rays from `first` on.
   void sort_by_kind(int first) {
     int next[RayKind::count] = {};

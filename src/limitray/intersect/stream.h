@@ -103,7 +103,7 @@ class RayStream {
     const GeometryView<float>& g = scene_.geometries[in.geometry];
     if (!g.nodes) return;
     RaySpace& s = room_.object;
-    if (s.count + count > max_rays_a_call) finish(), s.count = 0;
+    if (s.count + count > max_rays_a_call) make_room(count);
     const int first = s.count;
     enter(s, g.extent, i, in, ids, count);
     s.sort_by_kind(first);
@@ -118,6 +118,26 @@ class RayStream {
                room_.to_test[room_.tests++] = {list[k], std::uint32_t(kind), leaf};
              test_models(lane_count);
            });
+  }
+  /// Frees the places of rays that wait no more in `object`, for `count` others. Who is undecided
+  /// keeps his: when that is decided must not depend on other rays, unless they are too many.
+  void make_room(int count) {
+    test_models(1);
+    solve(1);
+    RaySpace& s = room_.object;
+    RayId* place = s.by_kind;  // nobody needs it between two walks
+    std::fill_n(place, s.count, 0);
+    const auto for_each_undecided = [&](auto&& f) {
+      for (Meeting& m : room_.undecided) f(m);
+      for (Meeting& m : room_.to_split) f(m);
+    };
+    for_each_undecided([&](const Meeting& m) { place[m.ray] = 1; });
+    int kept = 0;
+    for (int k = 0; k < s.count; ++k)
+      if (place[k]) s.move(k, kept), place[k] = RayId(kept++);
+    for_each_undecided([&](Meeting& m) { m.ray = place[m.ray] & 0xFFFFFFu; });
+    s.count = kept;
+    if (s.count + count > max_rays_a_call) finish(), s.count = 0;
   }
   const GeometryView<float>& mesh_of(RayId ray) const {
     return scene_.geometries[scene_.instances[room_.object.instances[ray]].geometry];
