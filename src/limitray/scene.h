@@ -148,8 +148,8 @@ class Scene {
   /// std::invalid_argument for a wrong number or size; after any exception the scene is as it was.
   void update_points(std::uint32_t geometry_id, std::span<const Vec3d> points);
 
-  /// Closest hits. T = float runs the SIMD path, T = double the oracle's arithmetic. Float rays of a
-  /// call are traced together, so one call with 10^4 rays or more is twice as fast as many with a
+  /// Closest hits. T = float runs the SIMD path, T = double the oracle's arithmetic. Float rays of
+  /// a call are traced together, so one call with 10^4 rays or more is twice as fast as many with a
   /// few hundred; their order does not matter.
   template <class T>
   void cast_rays(const RayBatch<T>& rays, const HitArrays<T>& hits,

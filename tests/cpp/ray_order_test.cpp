@@ -29,8 +29,7 @@ template <class T>
 std::vector<std::uint32_t> order_of(const std::vector<T>& rays, std::size_t patches,
                                     std::size_t first = 0) {
   RayOrder order(unit, patches);
-  const auto sorted =
-      order.sort(RayBatch<T>{rays, {}, {}}, first, rays.size() / 6 - first);
+  const auto sorted = order.sort(RayBatch<T>{rays, {}, {}}, first, rays.size() / 6 - first);
   return {sorted.begin(), sorted.end()};
 }
 

@@ -108,8 +108,10 @@ class RayStream {
     enter(s, g.extent, i, in, ids, count);
     s.sort_by_kind(first);
     const auto prefetch = [&](std::uint32_t child) {
-      __builtin_prefetch(child & leaf_flag ? static_cast<const void*>(&g.models[child & ~leaf_flag])
-                                           : static_cast<const void*>(&g.nodes[child]));
+      if (child & leaf_flag) return __builtin_prefetch(&g.models[child & ~leaf_flag]);
+      const auto* node = reinterpret_cast<const char*>(&g.nodes[child]);
+      for (std::size_t line = 0; line < sizeof(BvhNode); line += 64)
+        __builtin_prefetch(node + line);
     };
     for (int kind = 0; kind < RayKind::count; ++kind)
       walk(g.nodes, s, kind, room_.object_lists.get(), prefetch,
