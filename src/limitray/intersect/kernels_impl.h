@@ -132,6 +132,29 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const RayBatch<
   }
 }
 
+/// Writes the row of a ray that has ended.
+template <class T>
+struct HitWriter {
+  const SceneView<T>& scene;
+  const RayBatch<T>& rays;
+  const HitArrays<T>& hits;
+
+  void operator()(std::size_t i, const LeafHit<T>& best) const {
+    if (best.leaf == invalid_id)
+      write_miss(hits, i);
+    else
+      write_hit(scene, best, rays, hits, i);
+  }
+  /// Asks for what most callers want.
+  void prefetch(std::size_t i) const {
+    const auto row = [](const auto* p) { __builtin_prefetch(p, 1); };
+    if (hits.t) row(hits.t + i);
+    if (hits.geometry_id) row(hits.geometry_id + i);
+    if (hits.primitive_id) row(hits.primitive_id + i);
+    if (hits.uv) row(hits.uv + 2 * i);
+    if (hits.normal) row(hits.normal + 3 * i);
+  }
+};
 template <class T>
 void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers,
              const HitArrays<T>& hits, Statistics& stats) {
@@ -142,15 +165,18 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numb
         q.reach = std::min(q.tfar, q.best.t + q.best.spread);
         return false;
       },
-      [&](std::size_t i, const LeafHit<T>& best) {
-        if (best.leaf == invalid_id)
-          write_miss(hits, i);
-        else
-          write_hit(scene, best, rays, hits, i);
-      },
-      stats);
+      HitWriter<T>{scene, rays, hits}, stats);
 }
 
+struct OcclusionWriter {
+  std::uint8_t* out;
+
+  template <class T>
+  void operator()(std::size_t i, const LeafHit<T>& best) const {
+    out[i] = best.leaf != invalid_id;
+  }
+  void prefetch(std::size_t i) const { __builtin_prefetch(out + i, 1); }
+};
 template <class T>
 void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers,
               std::uint8_t* out, Statistics& stats) {
@@ -160,7 +186,7 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers num
         q.best = h;
         return true;
       },
-      [&](std::size_t i, const LeafHit<T>& best) { out[i] = best.leaf != invalid_id; }, stats);
+      OcclusionWriter{out}, stats);
 }
 
 inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, std::size_t i,

@@ -16,10 +16,10 @@ constexpr int max_cell_bits = 4;
 /// Rays that one thread sorts by itself.
 constexpr std::size_t slice_size = std::size_t(1) << 16;
 
-/// Puts two zeros between the (at most four) bits of x.
-std::uint32_t spread_bits(std::uint32_t x) {
-  return (x & 1) | (x & 2) << 2 | (x & 4) << 4 | (x & 8) << 6;
-}
+/// A number's bits with two zeros between them.
+constexpr std::uint16_t spread_bits[1 << max_cell_bits] = {00000, 00001, 00010, 00011, 00100, 00101,
+                                                           00110, 00111, 01000, 01001, 01010, 01011,
+                                                           01100, 01101, 01110, 01111};
 
 }  // namespace
 
@@ -44,7 +44,7 @@ std::uint32_t RayOrder::key_of(const T* ray) const {
   for (int i = 0; i < 3; ++i) {
     const float x = (float(ray[i]) - lowest_[i]) * cells_a_unit_[i];
     const float cell = x > 0 ? std::min(x, last) : 0.0f;  // 0 for what is not a number, too
-    key |= spread_bits(std::uint32_t(cell)) << i;
+    key |= std::uint32_t(spread_bits[int(cell)]) << i;
   }
   return key;
 }

@@ -41,7 +41,8 @@ struct StreamRoom {
 };
 
 /// Traces some rays of a batch, at most max_rays_a_call. on_hit(RayQuery, LeafHit) as in
-/// RayQuery::report; on_end(i, RayQuery::best) is called once for each ray.
+/// RayQuery::report; on_end(i, RayQuery::best) is called once for each ray, on_end.prefetch(i) soon
+/// before.
 template <class OnHit, class OnEnd>
 class RayStream {
  public:
@@ -69,7 +70,11 @@ class RayStream {
     else if (scene_.nodes)
       trace_instances(count);
     finish();
-    for (int i = 0; i < count; ++i) on_end_(number_of(RayId(i)), room_.queries[i].best);
+    constexpr int ahead = 16;  // rows of a sorted batch lie anywhere
+    for (int i = 0; i < count; ++i) {
+      if (i + ahead < count) on_end_.prefetch(number_of(RayId(i + ahead)));
+      on_end_(number_of(RayId(i)), room_.queries[i].best);
+    }
   }
 
  private:
