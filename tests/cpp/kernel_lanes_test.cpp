@@ -146,19 +146,20 @@ TEST(LanesTest, FramesAreThoseOfOneRay) {
   EXPECT_GT(met, 500 / test::rounds_divisor);
 }
 
-TEST(LanesTest, RaysAreSortedByKind) {
+TEST(LanesTest, RaysAreSortedBySigns) {
   test::Generator g{5};
   const auto space = std::make_unique<RaySpace>();
   space->count = 1000;
   for (int k = 0; k < space->count; ++k) space->kinds[k] = std::uint8_t(g() % RayKind::count);
-  space->sort_by_kind(0);
-  EXPECT_EQ(space->kind_begin[0], 0);
-  EXPECT_EQ(space->kind_begin[RayKind::count], space->count);
-  for (int kind = 0; kind < RayKind::count; ++kind)
-    for (int k = space->kind_begin[kind]; k < space->kind_begin[kind + 1]; ++k) {
-      ASSERT_EQ(space->kinds[space->by_kind[k]], kind);
-      if (k > space->kind_begin[kind]) {
-        ASSERT_LT(space->by_kind[k - 1], space->by_kind[k]);
+  space->sort_by_signs(100);
+  EXPECT_EQ(space->signs_begin[0], 0);
+  EXPECT_EQ(space->signs_begin[RaySpace::octants], 900);
+  for (unsigned signs = 0; signs < RaySpace::octants; ++signs)
+    for (int k = space->signs_begin[signs]; k < space->signs_begin[signs + 1]; ++k) {
+      ASSERT_GE(space->by_signs[k], 100u);
+      ASSERT_EQ(RayKind(space->kinds[space->by_signs[k]]).signs, signs);
+      if (k > space->signs_begin[signs]) {
+        ASSERT_LT(space->by_signs[k - 1], space->by_signs[k]);
       }
     }
 }

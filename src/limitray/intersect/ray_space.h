@@ -75,8 +75,9 @@ struct RaySpace {
   std::uint8_t kinds[max_rays_a_call + 1];
   RayId stream_ids[max_rays_a_call + 1];
   std::uint32_t instances[max_rays_a_call + 1];
-  RayId by_kind[max_rays_a_call + list_slack];  // those that came last, sorted
-  int kind_begin[RayKind::count + 1];           // where those of a kind begin
+  static constexpr int octants = 8;              // the signs of a direction
+  RayId by_signs[max_rays_a_call + list_slack];  // those that came last, sorted
+  int signs_begin[octants + 1];                  // where those of the same signs begin
 
   /// Appends those of `here` rays that meet the tree of an instance.
   void add(const LaneFrameMaker& f, const RayId* ids, int here, std::uint32_t instance) {
@@ -105,15 +106,15 @@ struct RaySpace {
     kinds[to] = kinds[from], stream_ids[to] = stream_ids[from], instances[to] = instances[from];
   }
   /// Sorts the rays from `first` on.
-  void sort_by_kind(int first) {
-    int next[RayKind::count] = {};
-    for (int k = first; k < count; ++k) ++next[kinds[k]];
-    kind_begin[0] = 0;
-    for (int i = 0; i < RayKind::count; ++i) {
-      kind_begin[i + 1] = kind_begin[i] + next[i];
-      next[i] = kind_begin[i];
+  void sort_by_signs(int first) {
+    int next[octants] = {};
+    for (int k = first; k < count; ++k) ++next[RayKind(kinds[k]).signs];
+    signs_begin[0] = 0;
+    for (int i = 0; i < octants; ++i) {
+      signs_begin[i + 1] = signs_begin[i] + next[i];
+      next[i] = signs_begin[i];
     }
-    for (int k = first; k < count; ++k) by_kind[next[kinds[k]]++] = RayId(k);
+    for (int k = first; k < count; ++k) by_signs[next[RayKind(kinds[k]).signs]++] = RayId(k);
   }
 };
 

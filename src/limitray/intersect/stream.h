@@ -86,15 +86,12 @@ class RayStream {
     RaySpace& s = room_.world;
     s.count = 0;
     enter(s, scene_.extent, 0, {0, true, {}, {}}, room_.all, count);
-    for (int k = 0; k < s.count; ++k) {
-      room_.in_world[s.stream_ids[k]] = RayId(k);
-      s.kinds[k] %= 8;  // by signs alone: instances get longer lists
-    }
-    s.sort_by_kind(0);
+    for (int k = 0; k < s.count; ++k) room_.in_world[s.stream_ids[k]] = RayId(k);
+    s.sort_by_signs(0);
     has_world_ = true;
-    for (int kind = 0; kind < RayKind::count; ++kind)
+    for (unsigned signs = 0; signs < RaySpace::octants; ++signs)
       walk(
-          scene_.nodes, s, kind, room_.world_lists.get(), [](std::uint32_t) {},
+          scene_.nodes, s, signs, room_.world_lists.get(), [](std::uint32_t) {},
           [&](std::uint32_t instance, const RayId* list, int n) {
             for (int k = 0; k < n; ++k) room_.all[k] = s.stream_ids[list[k]];
             trace_instance(instance, room_.all, n);
@@ -111,18 +108,18 @@ class RayStream {
     if (s.count + count > max_rays_a_call) make_room(count);
     const int first = s.count;
     enter(s, g.extent, i, in, ids, count);
-    s.sort_by_kind(first);
+    s.sort_by_signs(first);
     const auto prefetch = [&](std::uint32_t child) {
       if (child & leaf_flag) return __builtin_prefetch(&g.models[child & ~leaf_flag]);
       const auto* node = reinterpret_cast<const char*>(&g.nodes[child]);
       for (std::size_t line = 0; line < sizeof(BvhNode); line += 64)
         __builtin_prefetch(node + line);
     };
-    for (int kind = 0; kind < RayKind::count; ++kind)
-      walk(g.nodes, s, kind, room_.object_lists.get(), prefetch,
+    for (unsigned signs = 0; signs < RaySpace::octants; ++signs)
+      walk(g.nodes, s, signs, room_.object_lists.get(), prefetch,
            [&](std::uint32_t leaf, const RayId* list, int n) {
              for (int k = 0; k < n; ++k)
-               room_.to_test[room_.tests++] = {list[k], std::uint32_t(kind), leaf};
+               room_.to_test[room_.tests++] = {list[k], s.kinds[list[k]], leaf};
              test_models(lane_count);
            });
   }
@@ -132,7 +129,7 @@ class RayStream {
     test_models(1);
     solve(1);
     RaySpace& s = room_.object;
-    RayId* place = s.by_kind;  // nobody needs it between two walks
+    RayId* place = s.by_signs;  // nobody needs it between two walks
     std::fill_n(place, s.count, 0);
     const auto for_each_undecided = [&](auto&& f) {
       for (Meeting& m : room_.undecided) f(m);
@@ -150,17 +147,15 @@ class RayStream {
     return scene_.geometries[scene_.instances[room_.object.instances[ray]].geometry];
   }
 
-  /// Walks those rays of `s` that are of one kind through its tree.
+  /// Walks those rays of `s` whose directions have these signs through its tree.
   template <class Prefetch, class OnLeaf>
-  void walk(const BvhNode* nodes, const RaySpace& s, int kind, RayId* lists, Prefetch&& prefetch,
-            OnLeaf&& on_leaf) {
-    const int begin = s.kind_begin[kind], n = s.kind_begin[kind + 1] - begin;
+  void walk(const BvhNode* nodes, const RaySpace& s, unsigned signs, RayId* lists,
+            Prefetch&& prefetch, OnLeaf&& on_leaf) {
+    const int begin = s.signs_begin[signs], n = s.signs_begin[signs + 1] - begin;
     if (n == 0) return;
-    const RayKind k(kind);
     float along[3];
-    for (int i = 0; i < 3; ++i)
-      along[i] = (k.signs >> i & 1 ? -1.0f : 1.0f) * (i == k.axis_z ? 1.0f : 0.4f);
-    walk_lists(nodes, s.boxes, k.signs, along, s.by_kind + begin, n, lists, on_leaf, prefetch,
+    for (int i = 0; i < 3; ++i) along[i] = signs >> i & 1 ? -1.0f : 1.0f;
+    walk_lists(nodes, s.boxes, signs, along, s.by_signs + begin, n, lists, on_leaf, prefetch,
                node_visits_);
   }
 
