@@ -11,6 +11,7 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 
 #include "limitray/arguments.h"
 #include "limitray/geometry.h"
@@ -58,6 +59,27 @@ void sort_and_merge(std::vector<Intersection>& hits) {
   hits = std::move(merged);
 }
 
+/// Room that calls leave for the next one: one for each that ran at the same time.
+template <class T>
+class SpareRooms {
+ public:
+  std::unique_ptr<SortedRays<T>> take() {
+    const std::lock_guard lock(mutex_);
+    if (rooms_.empty()) return std::make_unique<SortedRays<T>>();
+    std::unique_ptr<SortedRays<T>> room = std::move(rooms_.back());
+    rooms_.pop_back();
+    return room;
+  }
+  void give(std::unique_ptr<SortedRays<T>> room) {
+    const std::lock_guard lock(mutex_);
+    rooms_.push_back(std::move(room));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<SortedRays<T>>> rooms_;
+};
+
 }  // namespace
 
 struct Scene::State {
@@ -73,6 +95,8 @@ struct Scene::State {
   double radius = 0;
   bool top_is_stale = false;
   std::mutex top_mutex;
+
+  std::tuple<SpareRooms<float>, SpareRooms<double>> spare_rooms;
 
   mutable std::mutex statistics_mutex;
   mutable Statistics statistics;
@@ -160,32 +184,79 @@ struct Scene::State {
     return RayOrder(g ? view_of(*g, g->patches).extent : extent, patches);
   }
 
-  /// Runs body(scene view, ray numbers, statistics) over blocks of a batch.
-  template <class T, class Body>
-  void parallel(const RayBatch<T>& batch, Progress* progress, const Body& body) {
+  /// Sorts a batch, part by part: begin(sorted rays), then body(scene view, sorted rays, RayRange,
+  /// statistics) over blocks, then end(sorted rays).
+  template <class T, class Begin, class Body, class End>
+  void parallel(const RayBatch<T>& batch, Progress* progress, Begin&& begin, const Body& body,
+                End&& end) {
     arena.execute([&] {
       update_top();
       const std::vector<GeometryView<T>> views = geometry_views<T>();
       const SceneView<T> view{views, instances, top.nodes.empty() ? nullptr : top.nodes.data(),
                               extent_of(top.bounds, origin, radius), use_newton};
-      RayOrder order = ray_order(view.extent);
-      for (std::size_t first = 0; first < batch.size(); first += max_ordered_rays) {
-        const std::size_t n = std::min(max_ordered_rays, batch.size() - first);
-        const std::span<const std::uint32_t> ids = order.sort(batch, first, n);
+      const RayOrder order = ray_order(view.extent);
+      std::unique_ptr<SortedRays<T>> sorted = std::get<SpareRooms<T>>(spare_rooms).take();
+      for (std::size_t first = 0; first < batch.size(); first += order.window()) {
+        const std::size_t n = std::min(order.window(), batch.size() - first);
+        sorted->sort(order, batch, first, n);
+        begin(*sorted);
         tbb::parallel_for(
             tbb::blocked_range<std::size_t>(0, n, block_size<T>(n)),
             [&](const auto& range) {
               if (progress && progress->cancel) return;
               Statistics s;
-              body(view, RayNumbers{first, ids.subspan(range.begin(), range.size())}, s);
+              body(view, sorted->batch(), RayRange{range.begin(), range.end()}, s);
               if (progress) progress->done += range.size();
               const std::lock_guard lock(statistics_mutex);
               add(statistics, s);
             },
             tbb::simple_partitioner());
+        if (progress && progress->cancel) throw Cancelled();
+        end(*sorted);
       }
+      std::get<SpareRooms<T>>(spare_rooms).give(std::move(sorted));
     });
-    if (progress && progress->cancel) throw Cancelled();
+  }
+  template <class T, class Kernel>
+  void cast(const RayBatch<T>& rays, const HitArrays<T>& hits, Progress* progress, Kernel kernel) {
+    check_batch(rays);
+    HitArrays<T> sorted_hits;
+    parallel(
+        rays, progress, [&](SortedRays<T>& sorted) { sorted_hits = sorted.hits(hits); },
+        [&](const auto& view, const auto& batch, RayRange range, auto& s) {
+          kernel(view, batch, range, sorted_hits, s);
+        },
+        [&](const SortedRays<T>& sorted) { sorted.restore(hits); });
+  }
+  template <class T, class Kernel>
+  void occlude(const RayBatch<T>& rays, std::uint8_t* occluded, Progress* progress, Kernel kernel) {
+    check_batch(rays);
+    std::uint8_t* sorted_answers = nullptr;
+    parallel(
+        rays, progress, [&](SortedRays<T>& sorted) { sorted_answers = sorted.occluded(); },
+        [&](const auto& view, const auto& batch, RayRange range, auto& s) {
+          kernel(view, batch, range, sorted_answers, s);
+        },
+        [&](const SortedRays<T>& sorted) { sorted.restore(occluded); });
+  }
+  /// on_ray(i, intersections) for the rays of a batch, one after the other.
+  template <class OnRay>
+  void intersect_all(const RayBatch<double>& rays, Progress* progress, OnRay&& on_ray) {
+    check_batch(rays);
+    std::vector<std::vector<Intersection>> all;
+    std::size_t done = 0;
+    parallel(
+        rays, progress, [&](const auto& sorted) { all.resize(sorted.places().size()); },
+        [&](const auto& view, const auto& batch, RayRange range, auto& s) {
+          for (std::size_t i = range.begin; i < range.end; ++i) {
+            all[i].clear();
+            kernels().all_d(view, batch, i, all[i], s);
+            sort_and_merge(all[i]);
+          }
+        },
+        [&](const auto& sorted) {
+          for (const std::uint32_t place : sorted.places()) on_ray(done++, all[place]);
+        });
   }
 
   const InstanceView& instance(std::uint32_t id) const {
@@ -267,64 +338,35 @@ void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> poin
 template <>
 void Scene::cast_rays(const RayBatch<float>& rays, const HitArrays<float>& hits,
                       Progress* progress) const {
-  check_batch(rays);
-  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
-    kernels().closest_f(view, rays, numbers, hits, s);
-  });
+  state_->cast(rays, hits, progress, kernels().closest_f);
 }
 template <>
 void Scene::cast_rays(const RayBatch<double>& rays, const HitArrays<double>& hits,
                       Progress* progress) const {
-  check_batch(rays);
-  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
-    kernels().closest_d(view, rays, numbers, hits, s);
-  });
+  state_->cast(rays, hits, progress, kernels().closest_d);
 }
 template <>
 void Scene::test_occlusions(const RayBatch<float>& rays, std::uint8_t* occluded,
                             Progress* progress) const {
-  check_batch(rays);
-  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
-    kernels().occluded_f(view, rays, numbers, occluded, s);
-  });
+  state_->occlude(rays, occluded, progress, kernels().occluded_f);
 }
 template <>
 void Scene::test_occlusions(const RayBatch<double>& rays, std::uint8_t* occluded,
                             Progress* progress) const {
-  check_batch(rays);
-  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
-    kernels().occluded_d(view, rays, numbers, occluded, s);
-  });
+  state_->occlude(rays, occluded, progress, kernels().occluded_d);
 }
 
 void Scene::count_intersections(const RayBatch<double>& rays, std::uint32_t* counts,
                                 Progress* progress) const {
-  check_batch(rays);
-  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
-    std::vector<Intersection> hits;
-    for (std::size_t k = 0; k < numbers.size(); ++k) {
-      const std::size_t i = numbers[k];
-      hits.clear();
-      kernels().all_d(view, rays, i, hits, s);
-      sort_and_merge(hits);
-      counts[i] = std::uint32_t(hits.size());
-    }
+  state_->intersect_all(rays, progress, [&](std::size_t i, const auto& hits) {
+    counts[i] = std::uint32_t(hits.size());
   });
 }
 
 IntersectionList Scene::list_intersections(const RayBatch<double>& rays, Progress* progress) const {
-  check_batch(rays);
-  std::vector<std::vector<Intersection>> all(rays.size());
-  state_->parallel(rays, progress, [&](const auto& view, RayNumbers numbers, auto& s) {
-    for (std::size_t k = 0; k < numbers.size(); ++k) {
-      const std::size_t i = numbers[k];
-      kernels().all_d(view, rays, i, all[i], s);
-      sort_and_merge(all[i]);
-    }
-  });
   IntersectionList list;
   list.offsets.push_back(0);
-  for (const auto& hits : all) {
+  state_->intersect_all(rays, progress, [&](std::size_t, const auto& hits) {
     for (const Intersection& h : hits) {
       list.t.push_back(h.t);
       list.uv.insert(list.uv.end(), {h.u, h.v});
@@ -334,7 +376,7 @@ IntersectionList Scene::list_intersections(const RayBatch<double>& rays, Progres
       list.sub_quad.push_back(h.sub_quad);
     }
     list.offsets.push_back(list.t.size());
-  }
+  });
   return list;
 }
 

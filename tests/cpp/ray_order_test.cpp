@@ -1,13 +1,13 @@
 // The order in which rays are traced (intersect/ray_order.h): every ray once, whatever it is, those
-// that go the same way from the same place together.
+// that go the same way from the same place together; and each gets its own answers back.
 #include "limitray/intersect/ray_order.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
-#include <numeric>
 #include <random>
 #include <vector>
 
@@ -15,91 +15,197 @@ namespace limitray {
 namespace {
 
 const Extent unit{{0, 0, 0}, {1, 1, 1}, 1};
+constexpr std::size_t few_patches = 100, many_patches = 10'000'000;
 
 template <class T>
-std::vector<T> random_rays(std::size_t count, unsigned seed) {
+std::vector<T> random_values(std::size_t count, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<T> uniform(-1, 1);
-  std::vector<T> rays(6 * count);
-  for (T& x : rays) x = uniform(random);
-  return rays;
+  std::vector<T> values(count);
+  for (T& x : values) x = uniform(random);
+  return values;
 }
 
+/// Rays of a batch with tnear and tfar of their own, sorted from `first` on.
 template <class T>
-std::vector<std::uint32_t> order_of(const std::vector<T>& rays, std::size_t patches,
-                                    std::size_t first = 0) {
-  RayOrder order(unit, patches);
-  const auto sorted = order.sort(RayBatch<T>{rays, {}, {}}, first, rays.size() / 6 - first);
-  return {sorted.begin(), sorted.end()};
-}
+struct SortedBatch {
+  std::vector<T> rays, tnear, tfar;
+  std::size_t first;
+  SortedRays<T> sorted;
 
-template <class T>
-unsigned octant(const std::vector<T>& rays, std::size_t i) {
-  unsigned o = 0;
-  for (int c = 0; c < 3; ++c) o |= unsigned(rays[6 * i + 3 + std::size_t(c)] < 0) << c;
-  return o;
-}
+  SortedBatch(std::vector<T> r, std::size_t patches, std::size_t begin = 0,
+              const Extent& extent = unit)
+      : rays(std::move(r)),
+        tnear(random_values<T>(count(), 7)),
+        tfar(random_values<T>(count(), 8)),
+        first(begin) {
+    sorted.sort(RayOrder(extent, patches), {rays, tnear, tfar}, first, count() - first);
+  }
+  std::size_t count() const { return rays.size() / 6; }
 
-void expect_each_once(std::vector<std::uint32_t> order) {
-  std::sort(order.begin(), order.end());
-  for (std::size_t i = 0; i < order.size(); ++i) ASSERT_EQ(order[i], i);
-}
+  /// order()[place] is the ray of the batch that lies there. Each must be there once, bit for bit.
+  std::vector<std::size_t> order() const {
+    const std::size_t n = count() - first;
+    const RayBatch<T> b = sorted.batch();
+    EXPECT_EQ(b.size(), n);
+    EXPECT_EQ(sorted.places().size(), n);
+    std::vector<std::size_t> order(n, count());
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t p = sorted.places()[i], k = first + i;
+      if (p >= n || order[p] != count()) {
+        ADD_FAILURE() << "ray " << k << " is at " << p;
+        return {};
+      }
+      order[p] = k;
+      EXPECT_EQ(std::memcmp(&b.rays[6 * p], &rays[6 * k], 6 * sizeof(T)), 0);
+      EXPECT_EQ(b.tnear[p], tnear[k]);
+      EXPECT_EQ(b.tfar[p], tfar[k]);
+    }
+    return order;
+  }
+  unsigned octant(std::size_t i) const {
+    unsigned o = 0;
+    for (std::size_t c = 0; c < 3; ++c) o |= unsigned(rays[6 * i + 3 + c] < 0) << c;
+    return o;
+  }
+};
 
 TEST(RayOrderTest, EachRayOnceByOctant) {
   // More than one slice, and one that is not full; few and many patches.
   for (const std::size_t count : {0u, 1u, 7u, 1000u, 200001u})
-    for (const std::size_t patches : {std::size_t(0), std::size_t(100), std::size_t(10'000'000)}) {
-      const std::vector<float> rays = random_rays<float>(count, 1);
-      const std::vector<std::uint32_t> order = order_of(rays, patches);
+    for (const std::size_t patches : {std::size_t(0), few_patches, many_patches}) {
+      const SortedBatch<float> s(random_values<float>(6 * count, 1), patches);
+      const auto order = s.order();
       ASSERT_EQ(order.size(), count);
-      expect_each_once(order);
-      for (std::size_t k = 1; k < order.size(); ++k)
-        ASSERT_LE(octant(rays, order[k - 1]), octant(rays, order[k]));
+      for (std::size_t k = 1; k < count; ++k) ASSERT_LE(s.octant(order[k - 1]), s.octant(order[k]));
     }
 }
 
 TEST(RayOrderTest, KeepsTheOrderOfRaysThatShareADirection) {
-  const std::vector<float> rays = random_rays<float>(150000, 2);
-  const std::vector<std::uint32_t> order = order_of(rays, 100);
+  const SortedBatch<float> s(random_values<float>(6 * 150000, 2), few_patches);
+  const auto order = s.order();
   for (std::size_t k = 1; k < order.size(); ++k)
-    if (octant(rays, order[k - 1]) == octant(rays, order[k])) {
+    if (s.octant(order[k - 1]) == s.octant(order[k])) {
       ASSERT_LT(order[k - 1], order[k]);
     }
 }
 
 TEST(RayOrderTest, NeighboursOfALargeMeshAreNear) {
-  const std::vector<float> rays = random_rays<float>(100000, 3);
-  const auto mean_step = [&](const std::vector<std::uint32_t>& order) {
+  const auto mean_step = [](std::size_t patches) {
+    const SortedBatch<float> s(random_values<float>(6 * 100000, 3), patches);
+    const auto rays = s.sorted.batch().rays;
     double sum = 0;
-    for (std::size_t k = 1; k < order.size(); ++k)
-      for (std::size_t c = 0; c < 3; ++c)
-        sum += std::abs(rays[6 * order[k - 1] + c] - rays[6 * order[k] + c]);
-    return sum / double(order.size());
+    for (std::size_t k = 6; k < rays.size(); ++k)
+      sum += k % 6 < 3 ? std::abs(rays[k] - rays[k - 6]) : 0;
+    return sum / double(s.count());
   };
-  EXPECT_LT(mean_step(order_of(rays, 2'000'000)), 0.3 * mean_step(order_of(rays, 1000)));
+  EXPECT_LT(mean_step(2'000'000), 0.3 * mean_step(1000));
 }
 
-TEST(RayOrderTest, TakesARangeOfABatchAndDoubles) {
-  const std::vector<double> rays = random_rays<double>(1000, 4);
-  const std::vector<std::uint32_t> order = order_of(rays, 10'000'000, 300);
+TEST(RayOrderTest, TakesAPartOfABatchAndDoubles) {
+  const SortedBatch<double> s(random_values<double>(6000, 4), many_patches, 300);
+  const auto order = s.order();
   ASSERT_EQ(order.size(), 700u);
-  expect_each_once(order);
   for (std::size_t k = 1; k < order.size(); ++k)
-    ASSERT_LE(octant(rays, 300 + order[k - 1]), octant(rays, 300 + order[k]));
+    ASSERT_LE(s.octant(order[k - 1]), s.octant(order[k]));
 }
 
 TEST(RayOrderTest, RaysThatAreNoneAreSortedToo) {
-  std::vector<float> rays = random_rays<float>(1000, 5);
+  std::vector<float> rays = random_values<float>(6000, 5);
   std::mt19937 random(6);
   const float inf = std::numeric_limits<float>::infinity();
   const float odd[] = {std::nanf(""), inf, -inf, 1e38f, -1e38f, 0.0f, -0.0f, 1e-45f};
   for (float& x : rays)
     if (random() % 3 == 0) x = odd[random() % 8];
-  expect_each_once(order_of(rays, 10'000'000));
+  EXPECT_EQ(SortedBatch<float>(rays, many_patches).order().size(), 1000u);
   // Nor does a mesh without size trouble it.
-  RayOrder flat({{0, 0, 0}, {0, 1, 0}, 1}, 10'000'000);
-  const auto order = flat.sort(RayBatch<float>{rays, {}, {}}, 0, 1000);
-  expect_each_once({order.begin(), order.end()});
+  const Extent flat{{0, 0, 0}, {0, 1, 0}, 1};
+  EXPECT_EQ(SortedBatch<float>(rays, many_patches, 0, flat).order().size(), 1000u);
+}
+
+/// Every answer of ray `ray`, told apart by `column`.
+template <class T>
+T answer(std::size_t ray, std::size_t column) {
+  return T(100 * ray + column);
+}
+
+template <class T>
+class RayOrderTypedTest : public testing::Test {};
+using BothTypes = testing::Types<float, double>;
+TYPED_TEST_SUITE(RayOrderTypedTest, BothTypes);
+
+TYPED_TEST(RayOrderTypedTest, EachRayGetsItsAnswersBack) {
+  using T = TypeParam;
+  constexpr std::size_t n = 70001, first = 11;
+  SortedBatch<T> s(random_values<T>(6 * n, 9), many_patches, first);
+  const auto order = s.order();
+
+  std::vector<T> t(n, T(-1)), e = t, uv(2 * n, T(-1)), xyz[4];
+  for (auto& v : xyz) v.assign(3 * n, T(-1));
+  std::vector<std::uint32_t> ids[4];
+  for (auto& v : ids) v.assign(n, 7u);
+  const HitArrays<T> all{t.data(),      e.data(),      ids[0].data(), ids[1].data(),
+                         ids[2].data(), ids[3].data(), uv.data(),     xyz[0].data(),
+                         xyz[1].data(), xyz[2].data(), xyz[3].data()};
+  const HitArrays<T> here = s.sorted.hits(all);
+  for (std::size_t p = 0; p < order.size(); ++p) {
+    const std::size_t i = order[p];
+    here.t[p] = answer<T>(i, 0), here.t_error[p] = answer<T>(i, 1);
+    here.geometry_id[p] = answer<std::uint32_t>(i, 2);
+    here.primitive_id[p] = answer<std::uint32_t>(i, 3);
+    here.sub_quad[p] = answer<std::uint32_t>(i, 4);
+    here.patch_id[p] = answer<std::uint32_t>(i, 5);
+    for (std::size_t c = 0; c < 2; ++c) here.uv[2 * p + c] = answer<T>(i, 10 + c);
+    T* const vectors[4] = {here.normal, here.point, here.dp_du, here.dp_dv};
+    for (std::size_t v = 0; v < 4; ++v)
+      for (std::size_t c = 0; c < 3; ++c) vectors[v][3 * p + c] = answer<T>(i, 20 + 10 * v + c);
+  }
+  s.sorted.restore(all);
+  for (std::size_t i = first; i < n; ++i) {
+    ASSERT_EQ(t[i], answer<T>(i, 0));
+    ASSERT_EQ(e[i], answer<T>(i, 1));
+    for (std::size_t k = 0; k < 4; ++k) ASSERT_EQ(ids[k][i], answer<std::uint32_t>(i, 2 + k));
+    for (std::size_t c = 0; c < 2; ++c) ASSERT_EQ(uv[2 * i + c], answer<T>(i, 10 + c));
+    for (std::size_t v = 0; v < 4; ++v)
+      for (std::size_t c = 0; c < 3; ++c)
+        ASSERT_EQ(xyz[v][3 * i + c], answer<T>(i, 20 + 10 * v + c));
+  }
+  // What lies before is not touched.
+  EXPECT_EQ(t[first - 1], T(-1));
+  EXPECT_EQ(xyz[3][3 * first - 1], T(-1));
+  EXPECT_EQ(ids[3][first - 1], 7u);
+}
+
+TEST(RayOrderTest, OnlyWantedAnswersComeBack) {
+  SortedBatch<float> s(random_values<float>(600, 10), few_patches);
+  std::vector<float> uv(200);
+  HitArrays<float> wanted;
+  wanted.uv = uv.data();
+  const HitArrays<float> here = s.sorted.hits(wanted);
+  EXPECT_NE(here.uv, nullptr);
+  EXPECT_EQ(here.t, nullptr);
+  EXPECT_EQ(here.dp_dv, nullptr);
+  EXPECT_EQ(here.patch_id, nullptr);
+  std::fill_n(here.uv, 200, 3.0f);
+  s.sorted.restore(wanted);
+  EXPECT_EQ(uv, std::vector<float>(200, 3.0f));
+}
+
+TEST(RayOrderTest, OcclusionsComeBackAndTheNextPartIsTaken) {
+  SortedBatch<float> s(random_values<float>(6 * 5000, 11), few_patches, 1000);
+  std::vector<std::uint8_t> out(5000, 2);
+  const auto trace = [&](const std::vector<std::size_t>& order) {
+    std::uint8_t* here = s.sorted.occluded();
+    for (std::size_t p = 0; p < order.size(); ++p) here[p] = std::uint8_t(order[p] % 2);
+    s.sorted.restore(out.data());
+  };
+  trace(s.order());
+  EXPECT_EQ(out[999], 2);
+  // A smaller part in the same room.
+  s.first = 4000;
+  s.sorted.sort(RayOrder(unit, many_patches), {s.rays, s.tnear, s.tfar}, 4000, 1000);
+  trace(s.order());
+  for (std::size_t i = 1000; i < 5000; ++i) ASSERT_EQ(out[i], i % 2);
 }
 
 }  // namespace

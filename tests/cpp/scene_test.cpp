@@ -56,6 +56,63 @@ TYPED_TEST(SceneTest, SameBitsForAnyNumberOfThreadsAndOrder) {
   }
 }
 
+// Rays are sorted part by part (RayOrder::window): each gets its own answers, tnear and tfar.
+TYPED_TEST(SceneTest, ABatchOfSeveralPartsIsItsRays) {
+  using T = TypeParam;
+  constexpr std::size_t n = (std::size_t(1) << 18) + 1000, step = 263;
+  const Rays<T> rays = random_rays<T>(n);
+  test::Generator g{78};
+  std::vector<T> tnear(n), tfar(n);
+  for (std::size_t i = 0; i < n; ++i)
+    tnear[i] = T(test::uniform(g, 0, 1)), tfar[i] = T(test::uniform(g, 0, 2));
+  Scene scene(2);
+  scene.add_mesh(cage("cube_seams"));
+  std::vector<T> t(n), normal(3 * n);
+  std::vector<std::uint32_t> face(n);
+  std::vector<std::uint8_t> occluded(n);
+  HitArrays<T> out;
+  out.t = t.data(), out.normal = normal.data(), out.primitive_id = face.data();
+  const RayBatch<T> batch{rays.values, tnear, tfar};
+  scene.cast_rays<T>(batch, out);
+  scene.test_occlusions<T>(batch, occluded.data());
+  std::size_t hits = 0;
+  for (std::size_t i = 0; i < n; i += step) {
+    Rays<T> one;
+    one.add(rays.org(i), rays.dir(i));
+    const Hits<T> expected = cast(scene, one, tnear[i], tfar[i]);
+    ASSERT_EQ(t[i], expected.t[0]) << i;
+    ASSERT_EQ(face[i], expected.primitive_id[0]);
+    for (std::size_t c = 0; c < 3; ++c) ASSERT_EQ(normal[3 * i + c], expected.normal[c]);
+    ASSERT_EQ(occluded[i] != 0, expected.hit(0));
+    hits += expected.hit(0);
+  }
+  EXPECT_GT(hits, 200u);
+  EXPECT_LT(hits, 800u);
+}
+
+TEST(SceneListTest, ABatchOfSeveralPartsIsItsRays) {
+  constexpr std::size_t n = (std::size_t(1) << 18) + 1000, step = 1001;
+  const Rays<double> rays = random_rays<double>(n);
+  Scene scene(2);
+  scene.add_mesh(cage("cube_seams"), {2});
+  const double near = 0, far = 10;
+  const RayBatch<double> batch{rays.values, {&near, 1}, {&far, 1}};
+  const IntersectionList all = scene.list_intersections(batch);
+  std::vector<std::uint32_t> counts(n);
+  scene.count_intersections(batch, counts.data());
+  ASSERT_EQ(all.offsets.size(), n + 1);
+  for (std::size_t i = 0; i < n; ++i) ASSERT_EQ(all.offsets[i + 1] - all.offsets[i], counts[i]);
+  std::size_t hits = 0;
+  for (std::size_t i = 0; i < n; i += step) {
+    const std::span<const double> row(&rays.values[6 * i], 6);
+    const IntersectionList one = scene.list_intersections({row, {&near, 1}, {&far, 1}});
+    ASSERT_EQ(one.t.size(), counts[i]) << i;
+    for (std::size_t k = 0; k < one.t.size(); ++k) ASSERT_EQ(one.t[k], all.t[all.offsets[i] + k]);
+    hits += counts[i];
+  }
+  EXPECT_GT(hits, 200u);
+}
+
 /// Many instances that overlap: a ray visits a dozen, and thousands of rays share them.
 void add_crowd(Scene& scene) {
   const std::uint32_t id = scene.add_mesh(cage("pole_12"), {3});

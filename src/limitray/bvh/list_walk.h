@@ -73,12 +73,16 @@ inline unsigned intersect_lists(const NodePlanes& node, const BoxRay* rays,
   return unsigned(met) & 0xFFu;
 }
 
-/// How many of the children in `met` are farther along a direction than each, by their middles.
-/// Where two are equally far, the order is that of the node.
+/// How many of the children in `met`, at least one, are farther along a direction than each, by
+/// their middles. Where two are equally far, the order is that of the node.
 struct ChildRanks {
   std::uint8_t farther[bvh_width];
 
   ChildRanks(const BvhNode& node, unsigned met, const float (&along)[3]) {
+    if ((met & (met - 1)) == 0) {
+      farther[std::countr_zero(met)] = 0;
+      return;
+    }
     using V = ChildValues::Part;
     using Bits = Simd<std::uint32_t, ChildValues::lanes>;
     constexpr std::uint32_t numbers[bvh_width] = {0, 1, 2, 3, 4, 5, 6, 7};
@@ -120,6 +124,16 @@ void walk_lists(const BvhNode* nodes, const BoxRay* rays, unsigned signs, const 
   Entry stack[bvh_max_depth * (bvh_width - 1) + 1];
   int size = 1;
   stack[0] = {list, room, 0, count};
+  // Pushes children, the nearest last: entry(i) for child i.
+  const auto push = [&](const BvhNode& node, unsigned met, auto&& entry) {
+    const ChildRanks ranks(node, met, along);
+    for (unsigned left = met; left; left &= left - 1) {
+      const int i = std::countr_zero(left);
+      prefetch(node.child[i]);
+      stack[size + ranks.farther[i]] = entry(i);
+    }
+    size += std::popcount(met);
+  };
   while (size > 0) {
     const Entry e = stack[--size];
     if (e.child & leaf_flag) {
@@ -128,18 +142,21 @@ void walk_lists(const BvhNode* nodes, const BoxRay* rays, unsigned signs, const 
     }
     node_visits += std::uint64_t(e.count);
     const BvhNode& node = nodes[e.child];
-    ChildLists lists{e.room, (e.count + list_slack + 7) & ~7, {}};
-    const unsigned met = intersect_lists(NodePlanes(node, signs), rays, e.list, e.count, lists);
-    // The nearest is the last pushed.
-    const ChildRanks ranks(node, met, along);
-    std::uint32_t* next_room = e.room + bvh_width * lists.stride;
-    for (unsigned left = met; left; left &= left - 1) {
-      const int i = std::countr_zero(left);
-      prefetch(node.child[i]);
-      stack[size + ranks.farther[i]] = {e.room + i * lists.stride, next_room, node.child[i],
-                                        lists.counts[i]};
+    const NodePlanes planes(node, signs);
+    if (e.count == 1) {
+      // Almost half of all lists in a mesh of many patches; it is that of its children, too.
+      const BoxRay& ray = rays[e.list[0]];
+      ChildValues entry;
+      if (const unsigned met = intersect_boxes(planes, ray, ray.zmax, entry))
+        push(node, met, [&](int i) { return Entry{e.list, e.room, node.child[i], 1}; });
+      continue;
     }
-    size += std::popcount(met);
+    ChildLists lists{e.room, (e.count + list_slack + 7) & ~7, {}};
+    std::uint32_t* next_room = e.room + bvh_width * lists.stride;
+    if (const unsigned met = intersect_lists(planes, rays, e.list, e.count, lists))
+      push(node, met, [&](int i) {
+        return Entry{e.room + i * lists.stride, next_room, node.child[i], lists.counts[i]};
+      });
   }
 }
 

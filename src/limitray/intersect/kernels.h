@@ -45,13 +45,11 @@ struct SceneView {
   bool use_newton;
 };
 
-/// Which rays of a batch to trace: first + order[0], first + order[1], ...
-struct RayNumbers {
-  std::size_t first;
-  std::span<const std::uint32_t> order;
+/// Which rays of a batch to trace.
+struct RayRange {
+  std::size_t begin, end;
 
-  std::size_t size() const { return order.size(); }
-  std::size_t operator[](std::size_t k) const { return first + order[k]; }
+  std::size_t size() const { return end - begin; }
 };
 /// Most of them in one call, fewer than 2^24. More share more nodes, until they outgrow the caches.
 inline constexpr int max_rays_a_call = 16384;
@@ -76,13 +74,14 @@ struct Kernels {
   /// Returns the largest |control value|.
   double (*write_patches)(const PatchBlock&, const TracePlaces&);
   PatchModel<double> (*patch_model_d)(const PatchNet<double>&, const PatchBump<double>*);
-  void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, RayNumbers,
+  /// Two values behind the last ray of a batch must be readable.
+  void (*closest_f)(const SceneView<float>&, const RayBatch<float>&, RayRange,
                     const HitArrays<float>&, Statistics&);
-  void (*closest_d)(const SceneView<double>&, const RayBatch<double>&, RayNumbers,
+  void (*closest_d)(const SceneView<double>&, const RayBatch<double>&, RayRange,
                     const HitArrays<double>&, Statistics&);
-  void (*occluded_f)(const SceneView<float>&, const RayBatch<float>&, RayNumbers, std::uint8_t*,
+  void (*occluded_f)(const SceneView<float>&, const RayBatch<float>&, RayRange, std::uint8_t*,
                      Statistics&);
-  void (*occluded_d)(const SceneView<double>&, const RayBatch<double>&, RayNumbers, std::uint8_t*,
+  void (*occluded_d)(const SceneView<double>&, const RayBatch<double>&, RayRange, std::uint8_t*,
                      Statistics&);
   /// All intersections of ray `i`, in no order, duplicates at shared borders included.
   void (*all_d)(const SceneView<double>&, const RayBatch<double>&, std::size_t i,

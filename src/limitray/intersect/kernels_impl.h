@@ -45,22 +45,22 @@ void trace_ray(const SceneView<T>& scene, const ObjectRay& ray, SceneWalk<T>& wa
 /// Traces some rays of a batch: float rays side by side, others one by one. on_hit(RayQuery,
 /// LeafHit) as in RayQuery::report; on_end(i, RayQuery::best) is called once for each ray.
 template <class T, class OnHit, class OnEnd>
-void trace(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers, OnHit&& on_hit,
+void trace(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range, OnHit&& on_hit,
            OnEnd&& on_end, Statistics& stats) {
   PatchCounters count;
   if constexpr (std::is_same_v<T, float>) {
     if (scene.use_newton) {
-      RayStream(scene, rays, numbers, on_hit, on_end, count, stats.node_visits).trace();
-      return add_counts(stats, count, numbers.size());
+      RayStream(scene, rays, range, on_hit, on_end, count, stats.node_visits).trace();
+      return add_counts(stats, count, range.size());
     }
   }
   SceneWalk<T> walk;
   const auto hit = [&](const LeafHit<T>& h) { return on_hit(walk.query, h); };
-  for (std::size_t k = 0; k < numbers.size(); ++k) {
-    trace_ray(scene, load_ray(rays, numbers[k]), walk, hit, count, stats);
-    on_end(numbers[k], walk.query.best);
+  for (std::size_t i = range.begin; i < range.end; ++i) {
+    trace_ray(scene, load_ray(rays, i), walk, hit, count, stats);
+    on_end(i, walk.query.best);
   }
-  add_counts(stats, count, numbers.size());
+  add_counts(stats, count, range.size());
 }
 
 template <class T>
@@ -145,21 +145,12 @@ struct HitWriter {
     else
       write_hit(scene, best, rays, hits, i);
   }
-  /// Asks for what most callers want.
-  void prefetch(std::size_t i) const {
-    const auto row = [](const auto* p) { __builtin_prefetch(p, 1); };
-    if (hits.t) row(hits.t + i);
-    if (hits.geometry_id) row(hits.geometry_id + i);
-    if (hits.primitive_id) row(hits.primitive_id + i);
-    if (hits.uv) row(hits.uv + 2 * i);
-    if (hits.normal) row(hits.normal + 3 * i);
-  }
 };
 template <class T>
-void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers,
+void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range,
              const HitArrays<T>& hits, Statistics& stats) {
   trace<T>(
-      scene, rays, numbers,
+      scene, rays, range,
       [](RayQuery<T>& q, const LeafHit<T>& h) {
         q.best.merge(h);
         q.reach = std::min(q.tfar, q.best.t + q.best.spread);
@@ -175,13 +166,12 @@ struct OcclusionWriter {
   void operator()(std::size_t i, const LeafHit<T>& best) const {
     out[i] = best.leaf != invalid_id;
   }
-  void prefetch(std::size_t i) const { __builtin_prefetch(out + i, 1); }
 };
 template <class T>
-void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayNumbers numbers,
-              std::uint8_t* out, Statistics& stats) {
+void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range, std::uint8_t* out,
+              Statistics& stats) {
   trace<T>(
-      scene, rays, numbers,
+      scene, rays, range,
       [](RayQuery<T>& q, const LeafHit<T>& h) {
         q.best = h;
         return true;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 namespace limitray {
@@ -21,6 +22,29 @@ constexpr std::uint16_t spread_bits[1 << max_cell_bits] = {00000, 00001, 00010, 
                                                            00110, 00111, 01000, 01001, 01010, 01011,
                                                            01100, 01101, 01110, 01111};
 
+/// Where an answer is written, and how many values a ray has.
+template <class T>
+struct Values {
+  T* HitArrays<T>::*array;
+  std::size_t width;
+};
+template <class T>
+constexpr Values<T> all_values[7] = {{&HitArrays<T>::t, 1},     {&HitArrays<T>::t_error, 1},
+                                     {&HitArrays<T>::uv, 2},    {&HitArrays<T>::normal, 3},
+                                     {&HitArrays<T>::point, 3}, {&HitArrays<T>::dp_du, 3},
+                                     {&HitArrays<T>::dp_dv, 3}};
+template <class T>
+constexpr std::uint32_t* HitArrays<T>::*all_ids[4] = {
+    &HitArrays<T>::geometry_id, &HitArrays<T>::primitive_id, &HitArrays<T>::sub_quad,
+    &HitArrays<T>::patch_id};
+
+/// Row i of `out` is row places[i] of `rows`.
+template <std::size_t width, class U>
+void copy_rows(const U* rows, std::span<const std::uint32_t> places, U* out) {
+  for (std::size_t i = 0; i < places.size(); ++i)
+    for (std::size_t k = 0; k < width; ++k) out[width * i + k] = rows[width * places[i] + k];
+}
+
 }  // namespace
 
 RayOrder::RayOrder(const Extent& extent, std::size_t patches) {
@@ -33,52 +57,128 @@ RayOrder::RayOrder(const Extent& extent, std::size_t patches) {
   }
 }
 
-/// Octant of the direction, then the cell of the origin in Morton order.
+std::size_t RayOrder::window() const { return std::size_t(1) << (cell_bits_ == 0 ? 18 : 20); }
+
 template <class T>
-std::uint32_t RayOrder::key_of(const T* ray) const {
-  std::uint32_t key = 0;
-  for (int i = 0; i < 3; ++i) key |= std::uint32_t(ray[3 + i] < 0) << i;
-  if (cell_bits_ == 0) return key;
-  key <<= 3 * cell_bits_;
-  const float last = float((1 << cell_bits_) - 1);
-  for (int i = 0; i < 3; ++i) {
-    const float x = (float(ray[i]) - lowest_[i]) * cells_a_unit_[i];
-    const float cell = x > 0 ? std::min(x, last) : 0.0f;  // 0 for what is not a number, too
-    key |= std::uint32_t(spread_bits[int(cell)]) << i;
+void RayOrder::find_keys(const T* rays, std::size_t count, std::uint16_t* keys) const {
+  const auto octant_of = [](const T* ray) {
+    return unsigned(ray[3] < 0) | unsigned(ray[4] < 0) << 1 | unsigned(ray[5] < 0) << 2;
+  };
+  if (cell_bits_ == 0) {
+    for (std::size_t i = 0; i < count; ++i) keys[i] = std::uint16_t(octant_of(rays + 6 * i));
+    return;
   }
-  return key;
+  const float last = float((1 << cell_bits_) - 1);
+  for (std::size_t i = 0; i < count; ++i) {
+    const T* ray = rays + 6 * i;
+    unsigned key = octant_of(ray) << 3 * cell_bits_;
+    for (int k = 0; k < 3; ++k) {
+      const float x = (float(ray[k]) - lowest_[k]) * cells_a_unit_[k];
+      const float below = last < x ? last : x;
+      const float cell = below > 0 ? below : 0.0f;  // 0 for what is not a number, too
+      key |= unsigned(spread_bits[int(cell)]) << k;
+    }
+    keys[i] = std::uint16_t(key);
+  }
+}
+
+/// f(slice, begin, end) for the rays, slice by slice.
+template <class T>
+template <class F>
+void SortedRays<T>::for_each_slice(F&& f) const {
+  const std::size_t count = places_.size();
+  tbb::parallel_for(std::size_t(0), (count + slice_size - 1) / slice_size, [&](std::size_t s) {
+    f(s, s * slice_size, std::min(count, (s + 1) * slice_size));
+  });
 }
 
 template <class T>
-std::span<const std::uint32_t> RayOrder::sort(const RayBatch<T>& batch, std::size_t first,
-                                              std::size_t count) {
-  const std::size_t keys = std::size_t(8) << 3 * cell_bits_;
-  const std::size_t slices = (count + slice_size - 1) / slice_size;
-  keys_.resize(count), order_.resize(count);
-  places_.assign(keys * slices, 0);  // [slice][key]
-  const auto for_each_slice = [&](auto&& f) {
-    tbb::parallel_for(std::size_t(0), slices, [&](std::size_t s) {
-      f(&places_[s * keys], s * slice_size, std::min(count, (s + 1) * slice_size));
-    });
+void SortedRays<T>::sort(const RayOrder& order, const RayBatch<T>& batch, std::size_t first,
+                         std::size_t count) {
+  first_ = first;
+  keys_.resize(count), places_.resize(count), rays_.resize(6 * count + 2);
+  const auto take = [&](std::span<const T> given, std::vector<T>& own) {
+    if (given.size() == 1) return given;
+    own.resize(count);
+    return std::span<const T>(own);
   };
-  for_each_slice([&](std::uint32_t* counts, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      keys_[i] = std::uint16_t(key_of(batch.rays.data() + 6 * (first + i)));
-      ++counts[keys_[i]];
-    }
+  tnear_ = take(batch.tnear, own_tnear_), tfar_ = take(batch.tfar, own_tfar_);
+
+  const std::size_t keys = order.key_count();
+  const std::size_t slices = (count + slice_size - 1) / slice_size;
+  next_places_.assign(keys * slices, 0);  // [slice][key]
+  for_each_slice([&](std::size_t slice, std::size_t begin, std::size_t end) {
+    std::uint32_t* counts = &next_places_[slice * keys];
+    order.find_keys(batch.rays.data() + 6 * (first + begin), end - begin, &keys_[begin]);
+    for (std::size_t i = begin; i < end; ++i) ++counts[keys_[i]];
   });
   std::uint32_t place = 0;
   for (std::size_t key = 0; key < keys; ++key)
-    for (std::size_t s = 0; s < slices; ++s) place += std::exchange(places_[s * keys + key], place);
-  for_each_slice([&](std::uint32_t* next, std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) order_[next[keys_[i]]++] = std::uint32_t(i);
+    for (std::size_t s = 0; s < slices; ++s)
+      place += std::exchange(next_places_[s * keys + key], place);
+  for_each_slice([&](std::size_t slice, std::size_t begin, std::size_t end) {
+    std::uint32_t* next = &next_places_[slice * keys];
+    // Through local pointers: what is written could not be one of them.
+    const T* from = batch.rays.data() + 6 * first;
+    T* rays = rays_.data();
+    std::uint32_t* places = places_.data();
+    const std::uint16_t* keys_of = keys_.data();
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t p = places[i] = next[keys_of[i]]++;
+      std::memcpy(rays + 6 * p, from + 6 * i, 6 * sizeof(T));
+    }
+    if (batch.tnear.size() != 1)
+      for (std::size_t i = begin; i < end; ++i) own_tnear_[places[i]] = batch.tnear[first + i];
+    if (batch.tfar.size() != 1)
+      for (std::size_t i = begin; i < end; ++i) own_tfar_[places[i]] = batch.tfar[first + i];
   });
-  return order_;
 }
 
-template std::span<const std::uint32_t> RayOrder::sort(const RayBatch<float>&, std::size_t,
-                                                       std::size_t);
-template std::span<const std::uint32_t> RayOrder::sort(const RayBatch<double>&, std::size_t,
-                                                       std::size_t);
+template <class T>
+HitArrays<T> SortedRays<T>::hits(const HitArrays<T>& wanted) {
+  HitArrays<T> here;
+  const auto give = [&](auto& column, auto array, std::size_t width) {
+    if (!(wanted.*array)) return;
+    column.resize(width * places_.size());
+    here.*array = column.data();
+  };
+  for (int k = 0; k < 7; ++k) give(values_[k], all_values<T>[k].array, all_values<T>[k].width);
+  for (int k = 0; k < 4; ++k) give(ids_[k], all_ids<T>[k], 1);
+  return here;
+}
+template <class T>
+void SortedRays<T>::restore(const HitArrays<T>& out) const {
+  for_each_slice([&](std::size_t, std::size_t begin, std::size_t end) {
+    const auto places = std::span(places_).subspan(begin, end - begin);
+    const auto copy = [&](const auto& column, auto* array, std::size_t width) {
+      if (!array) return;
+      auto* to = array + width * (first_ + begin);
+      if (width == 1) copy_rows<1>(column.data(), places, to);
+      if (width == 2) copy_rows<2>(column.data(), places, to);
+      if (width == 3) copy_rows<3>(column.data(), places, to);
+    };
+    for (int k = 0; k < 7; ++k)
+      copy(values_[k], out.*all_values<T>[k].array, all_values<T>[k].width);
+    for (int k = 0; k < 4; ++k) copy(ids_[k], out.*all_ids<T>[k], 1);
+  });
+}
+
+template <class T>
+std::uint8_t* SortedRays<T>::occluded() {
+  occluded_.resize(places_.size());
+  return occluded_.data();
+}
+template <class T>
+void SortedRays<T>::restore(std::uint8_t* out) const {
+  for_each_slice([&](std::size_t, std::size_t begin, std::size_t end) {
+    copy_rows<1>(occluded_.data(), std::span(places_).subspan(begin, end - begin),
+                 out + first_ + begin);
+  });
+}
+
+template void RayOrder::find_keys(const float*, std::size_t, std::uint16_t*) const;
+template void RayOrder::find_keys(const double*, std::size_t, std::uint16_t*) const;
+template class SortedRays<float>;
+template class SortedRays<double>;
 
 }  // namespace limitray

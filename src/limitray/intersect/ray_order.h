@@ -1,6 +1,10 @@
 // Stage: intersection. Comes in: a batch of rays. Goes out: the order in which they are traced:
 // those that go the same way, from the same place, one after the other, so that they share nodes
 // and patches (bvh/list_walk.h). It changes when a ray is traced, never what it meets.
+//
+// Rays are copied into that order and their hits are copied back from it. Both copies go along
+// the batch: what it sorts into fills one place of each key after the other, so that lines of the
+// cache are full when they leave it. Rays and hits left where they are would miss it one by one.
 #pragma once
 
 #include <cstdint>
@@ -12,29 +16,56 @@
 
 namespace limitray {
 
-/// Most rays that are sorted together.
-inline constexpr std::size_t max_ordered_rays = std::size_t(1) << 22;
-
-/// Sorts rays by the signs of their directions, then by where in a grid over `extent` they begin.
+/// Sorts rays by the signs of their directions, then by where in a grid over an extent they begin.
 class RayOrder {
  public:
   /// The more patches a scene has, the finer is the grid.
   RayOrder(const Extent& extent, std::size_t patches);
 
-  /// The order of rays first..first+count of a batch (count at most max_ordered_rays), relative to
-  /// `first`. Valid until the next call.
+  /// Most rays that are sorted together.
+  std::size_t window() const;
+  std::size_t key_count() const { return std::size_t(8) << 3 * cell_bits_; }
+  /// Octant of the direction, then the cell of the origin in Morton order.
   template <class T>
-  std::span<const std::uint32_t> sort(const RayBatch<T>& batch, std::size_t first,
-                                      std::size_t count);
+  void find_keys(const T* rays, std::size_t count, std::uint16_t* keys) const;
 
  private:
-  template <class T>
-  std::uint32_t key_of(const T* ray) const;
-
   int cell_bits_;
   float lowest_[3], cells_a_unit_[3];
+};
+
+/// Some rays of a batch, sorted, and room for their hits. Made once, it takes one part of a batch
+/// after the other.
+template <class T>
+class SortedRays {
+ public:
+  /// Takes rays first..first+count (count below 2^32) of a batch.
+  void sort(const RayOrder& order, const RayBatch<T>& batch, std::size_t first, std::size_t count);
+  /// The rays in order; two more values may be read behind the last.
+  RayBatch<T> batch() const { return {{rays_.data(), 6 * places_.size()}, tnear_, tfar_}; }
+  /// Ray first + i of the batch is ray places()[i] here.
+  std::span<const std::uint32_t> places() const { return places_; }
+
+  /// Room for those answers about the sorted rays that `wanted` asks for.
+  HitArrays<T> hits(const HitArrays<T>& wanted);
+  /// Brings them back: ray i of the part that was taken last fills row first + i of `out`.
+  void restore(const HitArrays<T>& out) const;
+  /// The same for one answer a ray.
+  std::uint8_t* occluded();
+  void restore(std::uint8_t* out) const;
+
+ private:
+  template <class F>
+  void for_each_slice(F&& f) const;
+
+  std::size_t first_ = 0;
+  std::vector<T> rays_, own_tnear_, own_tfar_;
+  std::span<const T> tnear_, tfar_;
   std::vector<std::uint16_t> keys_;
-  std::vector<std::uint32_t> order_, places_;
+  std::vector<std::uint32_t> places_, next_places_;
+  std::vector<T> values_[7];  // as many columns as HitArrays has, for the wanted ones
+  std::vector<std::uint32_t> ids_[4];
+  std::vector<std::uint8_t> occluded_;
 };
 
 }  // namespace limitray

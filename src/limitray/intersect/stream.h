@@ -41,23 +41,22 @@ struct StreamRoom {
 };
 
 /// Traces some rays of a batch, at most max_rays_a_call. on_hit(RayQuery, LeafHit) as in
-/// RayQuery::report; on_end(i, RayQuery::best) is called once for each ray, on_end.prefetch(i) soon
-/// before.
+/// RayQuery::report; on_end(i, RayQuery::best) is called once for each ray.
 template <class OnHit, class OnEnd>
 class RayStream {
  public:
-  RayStream(const SceneView<float>& scene, const RayBatch<float>& batch, RayNumbers numbers,
+  RayStream(const SceneView<float>& scene, const RayBatch<float>& batch, RayRange range,
             OnHit on_hit, OnEnd on_end, PatchCounters& counts, std::uint64_t& node_visits)
       : scene_(scene),
         batch_(batch),
-        numbers_(numbers),
+        range_(range),
         on_hit_(on_hit),
         on_end_(on_end),
         counts_(counts),
         node_visits_(node_visits) {}
 
   void trace() {
-    const int count = int(numbers_.size());
+    const int count = int(range_.size());
     for (int i = 0; i < count; ++i) {
       const std::size_t k = number_of(RayId(i));
       room_.queries[i].begin(batch_.tnear[batch_.tnear.size() == 1 ? 0 : k],
@@ -70,15 +69,11 @@ class RayStream {
     else if (scene_.nodes)
       trace_instances(count);
     finish();
-    constexpr int ahead = 16;  // rows of a sorted batch lie anywhere
-    for (int i = 0; i < count; ++i) {
-      if (i + ahead < count) on_end_.prefetch(number_of(RayId(i + ahead)));
-      on_end_(number_of(RayId(i)), room_.queries[i].best);
-    }
+    for (int i = 0; i < count; ++i) on_end_(number_of(RayId(i)), room_.queries[i].best);
   }
 
  private:
-  std::size_t number_of(RayId id) const { return numbers_[id]; }
+  std::size_t number_of(RayId id) const { return range_.begin + id; }
   const float* ray_of(RayId id) const { return batch_.rays.data() + 6 * number_of(id); }
 
   /// Walks through the tree of instances.
@@ -164,17 +159,11 @@ class RayStream {
              const RayId* ids, int count) {
     for (int k = 0; k < count; k += lane_count) {
       const int here = std::min(lane_count, count - k);
-      for (int j = k + 2 * lane_count; j < std::min(count, k + 3 * lane_count); ++j)
-        __builtin_prefetch(ray_of(ids[j]));
-      float last[8] = {};
       const float* rows[lane_count];
       alignas(Lanes) double tnear[lane_count], tfar[lane_count];
       for (int j = 0; j < lane_count; ++j) {
         const RayId id = ids[k + std::min(j, here - 1)];
         rows[j] = ray_of(id);
-        // Eight floats are read.
-        if (rows[j] + 8 > batch_.rays.data() + batch_.rays.size())
-          rows[j] = static_cast<const float*>(std::memcpy(last, rows[j], 6 * sizeof(float)));
         tnear[j] = room_.queries[id].tnear, tfar[j] = room_.queries[id].reach;
       }
       Lanes m[8];
@@ -226,6 +215,7 @@ class RayStream {
       }
       solve(lane_count);
     }
+    if (done == 0) return;
     std::copy(room_.to_test + done, room_.to_test + room_.tests, room_.to_test);
     room_.tests -= done;
   }
@@ -334,7 +324,7 @@ class RayStream {
 
   const SceneView<float>& scene_;
   const RayBatch<float>& batch_;
-  const RayNumbers numbers_;
+  const RayRange range_;
   OnHit on_hit_;
   OnEnd on_end_;
   PatchCounters& counts_;
