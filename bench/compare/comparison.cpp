@@ -147,11 +147,12 @@ std::vector<Row> measure_batch(const std::vector<NamedTracer>& batch, Scene& sce
 RaySet sorted(const Scene& scene, const RaySet& set) {
   const std::array<Vec3d, 2> b = scene.bounds();
   const Vec3d half = 0.5 * (b[1] - b[0]);
-  const RayOrder order({0.5 * (b[0] + b[1]), half, 0}, scene.mesh_statistics(0).patches);
+  const RayOrder order({0.5 * (b[0] + b[1]), half, 0}, scene.mesh_statistics(0).patches,
+                       std::min(set.size(), max_sorted_rays));
   RaySet result = set;
   SortedRays<float> part;
-  for (std::size_t first = 0; first < set.size(); first += order.window()) {
-    const std::size_t n = std::min(order.window(), set.size() - first);
+  for (std::size_t first = 0; first < set.size(); first += max_sorted_rays) {
+    const std::size_t n = std::min(max_sorted_rays, set.size() - first);
     part.sort(order, {set.rays, {}, {}}, first, n);
     std::copy_n(part.batch().rays.begin(), 6 * n, result.rays.begin() + std::ptrdiff_t(6 * first));
   }

@@ -176,12 +176,12 @@ struct Scene::State {
     return std::clamp(share, std::size_t(64), std::size_t(max_rays_a_call));
   }
   /// For the rays of this scene, whose instances are in `extent` if there are several.
-  RayOrder ray_order(const Extent& extent) const {
+  RayOrder ray_order(const Extent& extent, std::size_t rays) const {
     std::size_t patches = 0;
     for (const auto& g : geometries) patches += g->patches.size();
     const bool single = instances.size() == 1 && instances[0].identity;
     const Geometry* g = single ? geometries[instances[0].geometry].get() : nullptr;
-    return RayOrder(g ? view_of(*g, g->patches).extent : extent, patches);
+    return RayOrder(g ? view_of(*g, g->patches).extent : extent, patches, rays);
   }
 
   /// Sorts a batch, part by part: begin(sorted rays), then body(scene view, sorted rays, RayRange,
@@ -194,10 +194,11 @@ struct Scene::State {
       const std::vector<GeometryView<T>> views = geometry_views<T>();
       const SceneView<T> view{views, instances, top.nodes.empty() ? nullptr : top.nodes.data(),
                               extent_of(top.bounds, origin, radius), use_newton};
-      const RayOrder order = ray_order(view.extent);
+      const RayOrder order =
+          ray_order(view.extent, std::min(batch.size(), max_sorted_rays));
       std::unique_ptr<SortedRays<T>> sorted = std::get<SpareRooms<T>>(spare_rooms).take();
-      for (std::size_t first = 0; first < batch.size(); first += order.window()) {
-        const std::size_t n = std::min(order.window(), batch.size() - first);
+      for (std::size_t first = 0; first < batch.size(); first += max_sorted_rays) {
+        const std::size_t n = std::min(max_sorted_rays, batch.size() - first);
         sorted->sort(order, batch, first, n);
         begin(*sorted);
         tbb::parallel_for(

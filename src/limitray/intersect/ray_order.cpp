@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <utility>
@@ -10,10 +11,11 @@
 namespace limitray {
 namespace {
 
-/// Patches that the last cache holds: sorting by place gains nothing for fewer.
+/// Cells a side, as a power of two: the more, the more patches there are beyond those that the last
+/// cache holds.
 constexpr double cached_patches = 1 << 16;
 constexpr double bits_a_doubling = 0.7;
-constexpr int max_cell_bits = 4;
+constexpr int min_cell_bits = 2, max_cell_bits = 4;
 /// Rays that one thread sorts by itself.
 constexpr std::size_t slice_size = std::size_t(1) << 16;
 
@@ -47,9 +49,12 @@ void copy_rows(const U* rows, std::span<const std::uint32_t> places, U* out) {
 
 }  // namespace
 
-RayOrder::RayOrder(const Extent& extent, std::size_t patches) {
+RayOrder::RayOrder(const Extent& extent, std::size_t patches, std::size_t rays) {
   const double bits = bits_a_doubling * std::log2(std::max(double(patches), 1.0) / cached_patches);
-  cell_bits_ = std::clamp(int(std::lround(bits)), 0, max_cell_bits);
+  // Eight rays or more a key: what sorts a few rays must not cost more than they do.
+  const int affordable = std::max((int(std::bit_width(rays)) - 1) / 3 - 2, 0);
+  cell_bits_ =
+      std::min(std::clamp(int(std::lround(bits)), min_cell_bits, max_cell_bits), affordable);
   const double cells = double(1 << cell_bits_);
   for (int i = 0; i < 3; ++i) {
     lowest_[i] = float(extent.center[i] - extent.half[i]);
@@ -57,21 +62,13 @@ RayOrder::RayOrder(const Extent& extent, std::size_t patches) {
   }
 }
 
-std::size_t RayOrder::window() const { return std::size_t(1) << (cell_bits_ == 0 ? 18 : 20); }
-
 template <class T>
 void RayOrder::find_keys(const T* rays, std::size_t count, std::uint16_t* keys) const {
-  const auto octant_of = [](const T* ray) {
-    return unsigned(ray[3] < 0) | unsigned(ray[4] < 0) << 1 | unsigned(ray[5] < 0) << 2;
-  };
-  if (cell_bits_ == 0) {
-    for (std::size_t i = 0; i < count; ++i) keys[i] = std::uint16_t(octant_of(rays + 6 * i));
-    return;
-  }
   const float last = float((1 << cell_bits_) - 1);
   for (std::size_t i = 0; i < count; ++i) {
     const T* ray = rays + 6 * i;
-    unsigned key = octant_of(ray) << 3 * cell_bits_;
+    unsigned key = unsigned(ray[3] < 0) | unsigned(ray[4] < 0) << 1 | unsigned(ray[5] < 0) << 2;
+    key <<= 3 * cell_bits_;
     for (int k = 0; k < 3; ++k) {
       const float x = (float(ray[k]) - lowest_[k]) * cells_a_unit_[k];
       const float below = last < x ? last : x;

@@ -16,14 +16,15 @@
 
 namespace limitray {
 
+/// Most rays that are sorted together. More share more, but take more room.
+inline constexpr std::size_t max_sorted_rays = std::size_t(1) << 20;
+
 /// Sorts rays by the signs of their directions, then by where in a grid over an extent they begin.
 class RayOrder {
  public:
-  /// The more patches a scene has, the finer is the grid.
-  RayOrder(const Extent& extent, std::size_t patches);
+  /// The more patches a scene has, and the more rays are sorted together, the finer is the grid.
+  RayOrder(const Extent& extent, std::size_t patches, std::size_t rays);
 
-  /// Most rays that are sorted together.
-  std::size_t window() const;
   std::size_t key_count() const { return std::size_t(8) << 3 * cell_bits_; }
   /// Octant of the direction, then the cell of the origin in Morton order.
   template <class T>
@@ -39,7 +40,7 @@ class RayOrder {
 template <class T>
 class SortedRays {
  public:
-  /// Takes rays first..first+count (count below 2^32) of a batch.
+  /// Takes rays first..first+count of a batch, at most max_sorted_rays.
   void sort(const RayOrder& order, const RayBatch<T>& batch, std::size_t first, std::size_t count);
   /// The rays in order; two more values may be read behind the last.
   RayBatch<T> batch() const { return {{rays_.data(), 6 * places_.size()}, tnear_, tfar_}; }
