@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from math import prod
 from threading import Lock
 from typing import TYPE_CHECKING, Any, cast
@@ -141,17 +141,17 @@ class Scene(OnDevice):
         if not isinstance(mesh, Mesh):
             raise ValueError(f"mesh must be a limitray.Mesh, not {type(mesh).__name__}")
         level, tolerance = precision(isolation_level, tolerance)
-        added = self._scene.add_mesh(
-            mesh._cage,
-            level,
-            transform_matrix(transform),
-            tolerance,
-            0 if memory_limit is None else min(positive_int("memory_limit", memory_limit), 2**63),
+        limit = (
+            0 if memory_limit is None else min(positive_int("memory_limit", memory_limit), 2**63)
         )
-        self._material_set_of.append(0)
-        self._face_counts.append(len(mesh.face_vertex_counts))
-        self._primvar_names |= dict.fromkeys(mesh.primvars)
-        return added
+        with self._all_or_nothing():
+            added = self._scene.add_mesh(
+                mesh._cage, level, transform_matrix(transform), tolerance, min(limit, 2**63)
+            )
+            self._material_set_of.append(0)
+            self._face_counts.append(len(mesh.face_vertex_counts))
+            self._primvar_names |= dict.fromkeys(mesh.primvars)
+            return added
 
     def add_instance(self, geometry_id: int, transform: ArrayLike) -> int:
         """Adds geometry `geometry_id` again under another transform; returns a new geometry id.
@@ -160,10 +160,24 @@ class Scene(OnDevice):
         the geometry. Costs no patches. The instance has the materials of the geometry.
         """
         source = self._known(geometry_id)
-        added = self._scene.add_instance(source, transform_matrix(transform))
-        self._material_set_of.append(self._material_set_of[source])
-        self._face_counts.append(self._face_counts[source])
-        return added
+        with self._all_or_nothing():
+            added = self._scene.add_instance(source, transform_matrix(transform))
+            self._material_set_of.append(self._material_set_of[source])
+            self._face_counts.append(self._face_counts[source])
+            return added
+
+    @contextmanager
+    def _all_or_nothing(self) -> Iterator[None]:
+        """Takes back what was added if an exception comes, be it a Ctrl-C after the last step."""
+        count = self._scene.geometry_count()
+        names = self._primvar_names.copy()
+        try:
+            yield
+        except BaseException:
+            self._scene.truncate(count)
+            del self._material_set_of[count:], self._face_counts[count:]
+            self._primvar_names = names
+            raise
 
     def set_material(
         self,
@@ -274,7 +288,11 @@ class Scene(OnDevice):
         return self._scene.evaluate_primvar(name, geometries, faces, quads, uvs)
 
     def update_points(self, geometry_id: int, points: ArrayLike) -> None:
-        """Moves the control points (n, 3) of a mesh; their number and the topology stay."""
+        """Moves the control points (n, 3) of a mesh; their number and the topology stay.
+
+        A ValueError (a wrong number of points, or a size out of range) leaves them where they were.
+        This is short and can't be interrupted: a Ctrl-C meanwhile is raised when they have moved.
+        """
         self._scene.update_points(self._known(geometry_id), real_array("points", points, (None, 3)))
 
     def cast_rays(

@@ -70,6 +70,7 @@ void bind_scene(nb::module_& module) {
                 return self.add_instance(geometry_id, to_affine(transform));
               },
               "geometry_id"_a, "transform"_a.noconvert())
+          .def("truncate", &Scene::truncate, "count"_a)
           .def("update_points", &update_points, "geometry_id"_a, "points"_a.noconvert())
           .def("geometry_count", &Scene::geometry_count)
           .def("mesh_statistics", &Scene::mesh_statistics, "geometry_id"_a)

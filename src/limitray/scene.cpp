@@ -194,8 +194,7 @@ struct Scene::State {
       const std::vector<GeometryView<T>> views = geometry_views<T>();
       const SceneView<T> view{views, instances, top.nodes.empty() ? nullptr : top.nodes.data(),
                               extent_of(top.bounds, origin, radius), use_newton};
-      const RayOrder order =
-          ray_order(view.extent, std::min(batch.size(), max_sorted_rays));
+      const RayOrder order = ray_order(view.extent, std::min(batch.size(), max_sorted_rays));
       std::unique_ptr<SortedRays<T>> sorted = std::get<SpareRooms<T>>(spare_rooms).take();
       for (std::size_t first = 0; first < batch.size(); first += max_sorted_rays) {
         const std::size_t n = std::min(max_sorted_rays, batch.size() - first);
@@ -316,6 +315,17 @@ std::uint32_t Scene::add_instance(std::uint32_t geometry_id, const Affine& trans
   state_->instances.push_back({geometry, is_identity(transform), to_object, transform});
   state_->top_is_stale = true;
   return std::uint32_t(state_->instances.size() - 1);
+}
+
+void Scene::truncate(std::size_t count) noexcept {
+  if (count >= state_->instances.size()) return;
+  state_->instances.resize(count);
+  // Meshes are numbered as they are added, each with its first instance.
+  std::size_t meshes = 0;
+  for (const InstanceView& in : state_->instances)
+    meshes = std::max(meshes, std::size_t(in.geometry) + 1);
+  state_->geometries.resize(meshes);
+  state_->top_is_stale = true;
 }
 
 void Scene::update_points(std::uint32_t geometry_id, std::span<const Vec3d> points) {

@@ -144,6 +144,9 @@ class Scene {
                          Progress* progress = nullptr);
   /// Adds geometry `geometry_id` again under another transform; costs no patches.
   std::uint32_t add_instance(std::uint32_t geometry_id, const Affine& transform);
+  /// Takes back what was added last, until `count` geometries are left; does nothing if there are
+  /// no more.
+  void truncate(std::size_t count) noexcept;
   /// Moves the control points of a mesh; topology stays, and so does the shape of its tree. Throws
   /// std::invalid_argument for a wrong number or size; after any exception the scene is as it was.
   void update_points(std::uint32_t geometry_id, std::span<const Vec3d> points);

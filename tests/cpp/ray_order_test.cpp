@@ -39,7 +39,8 @@ struct SortedBatch {
         tnear(random_values<T>(count(), 7)),
         tfar(random_values<T>(count(), 8)),
         first(begin) {
-    sorted.sort(RayOrder(extent, patches, count() - first), {rays, tnear, tfar}, first, count() - first);
+    sorted.sort(RayOrder(extent, patches, count() - first), {rays, tnear, tfar}, first,
+                count() - first);
   }
   std::size_t count() const { return rays.size() / 6; }
 

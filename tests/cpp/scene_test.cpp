@@ -380,6 +380,35 @@ TEST(ScenePlaceTest, HitsScaleAndMoveWithTheMesh) {
     }
 }
 
+TEST(SceneTruncateTest, WhatWasAddedLastIsTakenBack) {
+  const Rays<float> rays = random_rays<float>(3000);
+  Scene scene(1);
+  scene.add_mesh(cage("cube_seams"));
+  Affine moved;
+  moved.offset = {0.7, 0, 0};
+  scene.add_instance(0, moved);
+  const Hits<float> before = cast(scene, rays);
+  scene.add_mesh(cage("pole_12"), {3});
+  moved.offset = {0, 0.8, 0};
+  scene.add_instance(2, moved);
+  scene.add_instance(0, moved);
+  const Hits<float> after = cast(scene, rays);
+  EXPECT_FALSE(after == before);
+
+  scene.truncate(9);
+  EXPECT_EQ(scene.geometry_count(), 5u);
+  scene.truncate(2);
+  EXPECT_EQ(scene.geometry_count(), 2u);
+  EXPECT_EQ(scene.mesh_count(), 1u);
+  EXPECT_TRUE(cast(scene, rays) == before);
+  EXPECT_EQ(scene.add_mesh(cage("pole_12"), {3}), 2u);
+  EXPECT_EQ(scene.mesh_count(), 2u);
+  scene.truncate(0);
+  EXPECT_EQ(scene.geometry_count(), 0u);
+  EXPECT_EQ(scene.mesh_count(), 0u);
+  for (const float t : cast(scene, rays).t) ASSERT_FALSE(std::isfinite(t));
+}
+
 TEST(SceneErrorsTest, WrongArgumentsAreNamed) {
   Scene scene(1);
   const std::vector<float> five(5), six(6), two(2);

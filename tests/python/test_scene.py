@@ -266,3 +266,46 @@ def test_an_error_in_the_progress_callback_stops_the_call():
 
 def test_the_instruction_set_is_known():
     assert lr.Scene.isa() in ("avx512", "avx2", "portable")
+
+
+class Late:
+    """A scene whose calls are interrupted just after they are done."""
+
+    def __init__(self, core):
+        self.core = core
+
+    def __getattr__(self, name):
+        return getattr(self.core, name)
+
+    def add_mesh(self, *arguments):
+        self.core.add_mesh(*arguments)
+        raise KeyboardInterrupt
+
+    def add_instance(self, *arguments):
+        self.core.add_instance(*arguments)
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("call", ["add_mesh(other)", "add_instance(0, np.diag([2.0, 2, 2, 1]))"])
+def test_an_interrupt_at_the_end_of_a_change_takes_it_back(call):
+    scene = scene_of(cube())
+    rays = np.array([DOWN, [0.25, 0.75, 3, 0.3, 0, -2]])
+    before = scene.cast_rays(rays)
+    other = lr.Mesh(
+        np.array([[0, 0, 2], [1, 0, 2], [1, 1, 2], [0, 1, 2.0]]),
+        [4],
+        [0, 1, 2, 3],
+        primvars={"st": lr.Primvar(np.zeros((4, 2)), "vertex")},
+    )
+    core, scene._scene = scene._scene, Late(scene._scene)
+    with pytest.raises(KeyboardInterrupt):
+        eval(f"scene.{call}", {"scene": scene, "other": other, "np": np})
+    scene._scene = core
+    assert scene.geometry_count() == 1
+    assert scene.primvar_names() == ()
+    after = scene.cast_rays(rays)
+    for key, values in before.items():
+        np.testing.assert_array_equal(after[key], values)
+    assert scene.add_mesh(other) == 1
+    scene.set_material(1, lr.Material((1, 0, 0)))
+    assert scene.cast_rays(rays)["geometry_ids"].tolist() == [1, 1]
