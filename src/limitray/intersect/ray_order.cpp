@@ -55,6 +55,9 @@ RayOrder::RayOrder(const Extent& extent, std::size_t patches, std::size_t rays) 
   const int affordable = std::max((int(std::bit_width(rays)) - 1) / 3 - 2, 0);
   cell_bits_ =
       std::min(std::clamp(int(std::lround(bits)), min_cell_bits, max_cell_bits), affordable);
+  const bool place_first = cell_bits_ > min_cell_bits;
+  octant_shift_ = place_first ? 0 : 3 * cell_bits_;
+  cell_shift_ = place_first ? 3 : 0;
   const double cells = double(1 << cell_bits_);
   for (int i = 0; i < 3; ++i) {
     lowest_[i] = float(extent.center[i] - extent.half[i]);
@@ -67,15 +70,16 @@ void RayOrder::find_keys(const T* rays, std::size_t count, std::uint16_t* keys) 
   const float last = float((1 << cell_bits_) - 1);
   for (std::size_t i = 0; i < count; ++i) {
     const T* ray = rays + 6 * i;
-    unsigned key = unsigned(ray[3] < 0) | unsigned(ray[4] < 0) << 1 | unsigned(ray[5] < 0) << 2;
-    key <<= 3 * cell_bits_;
+    const unsigned octant =
+        unsigned(ray[3] < 0) | unsigned(ray[4] < 0) << 1 | unsigned(ray[5] < 0) << 2;
+    unsigned place = 0;
     for (int k = 0; k < 3; ++k) {
       const float x = (float(ray[k]) - lowest_[k]) * cells_a_unit_[k];
       const float below = last < x ? last : x;
       const float cell = below > 0 ? below : 0.0f;  // 0 for what is not a number, too
-      key |= unsigned(spread_bits[int(cell)]) << k;
+      place |= unsigned(spread_bits[int(cell)]) << k;
     }
-    keys[i] = std::uint16_t(key);
+    keys[i] = std::uint16_t(octant << octant_shift_ | place << cell_shift_);
   }
 }
 
