@@ -200,19 +200,24 @@ struct Scene::State {
         const std::size_t n = std::min(max_sorted_rays, batch.size() - first);
         sorted->sort(order, batch, first, n);
         begin(*sorted);
+        std::vector<RayRange> traced;
         tbb::parallel_for(
             tbb::blocked_range<std::size_t>(0, n, block_size<T>(n)),
-            [&](const auto& range) {
+            [&](const auto& block) {
               if (progress && progress->cancel) return;
+              const RayRange range{block.begin(), block.end()};
               Statistics s;
-              body(view, sorted->batch(), RayRange{range.begin(), range.end()}, s);
+              body(view, sorted->batch(), range, s);
               if (progress) progress->done += range.size();
               const std::lock_guard lock(statistics_mutex);
               add(statistics, s);
+              traced.push_back(range);
             },
             tbb::simple_partitioner());
-        if (progress && progress->cancel) throw Cancelled();
+        const bool cancelled = progress && progress->cancel;
+        if (cancelled) sorted->keep_only(traced);
         end(*sorted);
+        if (cancelled) throw Cancelled();
       }
       std::get<SpareRooms<T>>(spare_rooms).give(std::move(sorted));
     });
@@ -255,7 +260,10 @@ struct Scene::State {
           }
         },
         [&](const auto& sorted) {
-          for (const std::uint32_t place : sorted.places()) on_ray(done++, all[place]);
+          for (const std::uint32_t place : sorted.places()) {
+            if (sorted.is_kept(place)) on_ray(done, all[place]);
+            ++done;
+          }
         });
   }
 

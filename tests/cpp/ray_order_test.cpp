@@ -206,6 +206,27 @@ TEST(RayOrderTest, OnlyWantedAnswersComeBack) {
   EXPECT_EQ(uv, std::vector<float>(200, 3.0f));
 }
 
+TEST(RayOrderTest, OnlyTracedRaysGetAnswers) {
+  SortedBatch<float> s(random_values<float>(6 * 1000, 12), few_patches);
+  std::vector<float> normal(3000, -1.0f);
+  std::vector<std::uint8_t> occluded(1000, 9);
+  HitArrays<float> wanted;
+  wanted.normal = normal.data();
+  std::fill_n(s.sorted.hits(wanted).normal, 3000, 1.0f);
+  std::fill_n(s.sorted.occluded(), 1000, std::uint8_t(1));
+  const RayRange traced[] = {{0, 100}, {300, 450}};
+  s.sorted.keep_only(traced);
+  s.sorted.restore(wanted);
+  s.sorted.restore(occluded.data());
+  for (std::size_t i = 0; i < 1000; ++i) {
+    const std::size_t p = s.sorted.places()[i];
+    const bool kept = p < 100 || (p >= 300 && p < 450);
+    ASSERT_EQ(s.sorted.is_kept(p), kept);
+    ASSERT_EQ(occluded[i], kept ? 1 : 9);
+    for (std::size_t c = 0; c < 3; ++c) ASSERT_EQ(normal[3 * i + c], kept ? 1.0f : -1.0f);
+  }
+}
+
 TEST(RayOrderTest, OcclusionsComeBackAndTheNextPartIsTaken) {
   SortedBatch<float> s(random_values<float>(6 * 5000, 11), few_patches, 1000);
   std::vector<std::uint8_t> out(5000, 2);

@@ -7,6 +7,7 @@
 
 #include "limitray/bvh/builder.h"
 #include "limitray/bvh/trace_patches.h"
+#include "limitray/intersect/ray_order.h"
 #include "limitray/patches/patch_buffer.h"
 #include "limitray/scene.h"
 
@@ -45,13 +46,7 @@ struct SceneView {
   bool use_newton;
 };
 
-/// Which rays of a batch to trace.
-struct RayRange {
-  std::size_t begin, end;
-
-  std::size_t size() const { return end - begin; }
-};
-/// Most of them in one call, fewer than 2^24. More share more nodes, until they outgrow the caches.
+/// Most rays in one call, fewer than 2^24. More share more nodes, until they outgrow the caches.
 inline constexpr int max_rays_a_call = 16384;
 
 /// One intersection among all along a ray.

@@ -40,13 +40,6 @@ constexpr std::uint32_t* HitArrays<T>::*all_ids[4] = {
     &HitArrays<T>::geometry_id, &HitArrays<T>::primitive_id, &HitArrays<T>::sub_quad,
     &HitArrays<T>::patch_id};
 
-/// Row i of `out` is row places[i] of `rows`.
-template <std::size_t width, class U>
-void copy_rows(const U* rows, std::span<const std::uint32_t> places, U* out) {
-  for (std::size_t i = 0; i < places.size(); ++i)
-    for (std::size_t k = 0; k < width; ++k) out[width * i + k] = rows[width * places[i] + k];
-}
-
 }  // namespace
 
 RayOrder::RayOrder(const Extent& extent, std::size_t patches, std::size_t rays) {
@@ -97,6 +90,7 @@ template <class T>
 void SortedRays<T>::sort(const RayOrder& order, const RayBatch<T>& batch, std::size_t first,
                          std::size_t count) {
   first_ = first;
+  kept_.clear();
   keys_.resize(count), places_.resize(count), rays_.resize(6 * count + 2);
   const auto take = [&](std::span<const T> given, std::vector<T>& own) {
     if (given.size() == 1) return given;
@@ -147,21 +141,43 @@ HitArrays<T> SortedRays<T>::hits(const HitArrays<T>& wanted) {
   for (int k = 0; k < 4; ++k) give(ids_[k], all_ids<T>[k], 1);
   return here;
 }
+/// Row first + i of `out` gets row places[i] of `rows`.
+template <class T>
+template <std::size_t width, class U>
+void SortedRays<T>::copy_rows(const U* rows, std::size_t begin, std::size_t end, U* out) const {
+  const std::uint32_t* places = places_.data();
+  const auto copy_if = [rows, places, begin, end, out = out + width * first_](auto&& is_wanted) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t p = places[i];
+      if (!is_wanted(p)) continue;
+      for (std::size_t k = 0; k < width; ++k) out[width * i + k] = rows[width * p + k];
+    }
+  };
+  if (kept_.empty())
+    copy_if([](std::size_t) { return true; });
+  else
+    copy_if([this](std::size_t p) { return kept_[p]; });
+}
 template <class T>
 void SortedRays<T>::restore(const HitArrays<T>& out) const {
   for_each_slice([&](std::size_t, std::size_t begin, std::size_t end) {
-    const auto places = std::span(places_).subspan(begin, end - begin);
-    const auto copy = [&](const auto& column, auto* array, std::size_t width) {
-      if (!array) return;
-      auto* to = array + width * (first_ + begin);
-      if (width == 1) copy_rows<1>(column.data(), places, to);
-      if (width == 2) copy_rows<2>(column.data(), places, to);
-      if (width == 3) copy_rows<3>(column.data(), places, to);
+    const auto copy = [&](const auto& column, auto* to, std::size_t width) {
+      if (!to) return;
+      if (width == 1) copy_rows<1>(column.data(), begin, end, to);
+      if (width == 2) copy_rows<2>(column.data(), begin, end, to);
+      if (width == 3) copy_rows<3>(column.data(), begin, end, to);
     };
     for (int k = 0; k < 7; ++k)
       copy(values_[k], out.*all_values<T>[k].array, all_values<T>[k].width);
     for (int k = 0; k < 4; ++k) copy(ids_[k], out.*all_ids<T>[k], 1);
   });
+}
+
+template <class T>
+void SortedRays<T>::keep_only(std::span<const RayRange> traced) {
+  kept_.assign(places_.size(), false);
+  for (const RayRange& r : traced)
+    std::fill(kept_.begin() + std::ptrdiff_t(r.begin), kept_.begin() + std::ptrdiff_t(r.end), true);
 }
 
 template <class T>
@@ -172,8 +188,7 @@ std::uint8_t* SortedRays<T>::occluded() {
 template <class T>
 void SortedRays<T>::restore(std::uint8_t* out) const {
   for_each_slice([&](std::size_t, std::size_t begin, std::size_t end) {
-    copy_rows<1>(occluded_.data(), std::span(places_).subspan(begin, end - begin),
-                 out + first_ + begin);
+    copy_rows<1>(occluded_.data(), begin, end, out);
   });
 }
 

@@ -36,6 +36,13 @@ class RayOrder {
   float lowest_[3], cells_a_unit_[3];
 };
 
+/// Rays begin, begin + 1, ..., end - 1.
+struct RayRange {
+  std::size_t begin, end;
+
+  std::size_t size() const { return end - begin; }
+};
+
 /// Some rays of a batch, sorted, and room for their hits. Made once, it takes one part of a batch
 /// after the other.
 template <class T>
@@ -45,6 +52,9 @@ class SortedRays {
   void sort(const RayOrder& order, const RayBatch<T>& batch, std::size_t first, std::size_t count);
   /// The rays in order; two more values may be read behind the last.
   RayBatch<T> batch() const { return {{rays_.data(), 6 * places_.size()}, tnear_, tfar_}; }
+  /// Tells that only these rays were traced: no others are restored.
+  void keep_only(std::span<const RayRange> traced);
+  bool is_kept(std::size_t place) const { return kept_.empty() || kept_[place]; }
   /// Ray first + i of the batch is ray places()[i] here.
   std::span<const std::uint32_t> places() const { return places_; }
 
@@ -59,12 +69,15 @@ class SortedRays {
  private:
   template <class F>
   void for_each_slice(F&& f) const;
+  template <std::size_t width, class U>
+  void copy_rows(const U* rows, std::size_t begin, std::size_t end, U* out) const;
 
   std::size_t first_ = 0;
   std::vector<T> rays_, own_tnear_, own_tfar_;
   std::span<const T> tnear_, tfar_;
   std::vector<std::uint16_t> keys_;
   std::vector<std::uint32_t> places_, next_places_;
+  std::vector<bool> kept_;    // empty for all
   std::vector<T> values_[7];  // as many columns as HitArrays has, for the wanted ones
   std::vector<std::uint32_t> ids_[4];
   std::vector<std::uint8_t> occluded_;
