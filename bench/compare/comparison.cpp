@@ -151,9 +151,10 @@ RaySet sorted(const Scene& scene, const RaySet& set) {
                        std::min(set.size(), max_sorted_rays));
   RaySet result = set;
   SortedRays<float> part;
+  const float any = 0;
   for (std::size_t first = 0; first < set.size(); first += max_sorted_rays) {
     const std::size_t n = std::min(max_sorted_rays, set.size() - first);
-    part.sort(order, {set.rays, {}, {}}, first, n);
+    part.sort(order, {set.rays, {&any, 1}, {&any, 1}}, first, n);
     std::copy_n(part.batch().rays.begin(), 6 * n, result.rays.begin() + std::ptrdiff_t(6 * first));
   }
   return result;

@@ -1,10 +1,13 @@
 """`limitray bench`: the table, the JSON and the plot of a short run, and how it fails."""
 
 import json
+import subprocess
+from pathlib import Path
 
 import pytest
 from shapes import REPOSITORY, assert_fails
 
+from limitray import _core
 from limitray.cli import main
 
 TORUS = str(REPOSITORY / "tests/cages/torus.obj")
@@ -62,6 +65,21 @@ def test_tolerance_chooses_the_level(tmp_path):
         assert main(["bench", cage, *SHORT[:-2], *choice, "--json", "pole.json"]) == 0
         levels.append(json.loads((tmp_path / "pole.json").read_text())["isolation_level"])
     assert levels[0] < levels[1]
+
+
+def test_rays_sorted_beforehand_meet_the_same(tmp_path):
+    program = Path(_core.__file__).with_name("limitray_bench")
+    command = [program, TORUS, *SHORT, "--tracers", "embree-triangles-8"]
+    for name, extra in (("plain", []), ("sorted", ["--sort"])):
+        subprocess.run(
+            [*command, *extra, "--json", f"{name}.json"], check=True, capture_output=True
+        )
+    plain, ordered = (json.loads((tmp_path / f"{n}.json").read_text()) for n in ("plain", "sorted"))
+    for a, b in zip(plain["rows"], ordered["rows"], strict=True):
+        assert (a["tracer"], a["rays"]) == (b["tracer"], b["rays"])
+        if a["rays"] == "primary":  # the diffuse rays are drawn anew, from hits in another order
+            assert a["mismatches"] == b["mismatches"]
+            assert a["mean_error"] == pytest.approx(b["mean_error"])
 
 
 def test_a_plot_is_written(tmp_path):
