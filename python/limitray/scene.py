@@ -146,7 +146,7 @@ class Scene(OnDevice):
         )
         with self._all_or_nothing():
             added = self._scene.add_mesh(
-                mesh._cage, level, transform_matrix(transform), tolerance, min(limit, 2**63)
+                mesh._cage, level, transform_matrix(transform), tolerance, limit
             )
             self._material_set_of.append(0)
             self._face_counts.append(len(mesh.face_vertex_counts))
@@ -307,8 +307,8 @@ class Scene(OnDevice):
     ) -> dict[str, NDArray[Any]]:
         """The closest hit of each ray.
 
-        float32 rays of a call are traced together: one call with 10,000 rays or more is twice as
-        fast as many calls with a few hundred. Their order does not matter.
+        float32 rays of a call are traced together: one call with 10,000 rays or more is almost
+        twice as fast as many calls with a few hundred. Their order does not matter.
 
         Parameters
         ----------

@@ -113,7 +113,7 @@ void SortedRays<T>::sort(const RayOrder& order, const RayBatch<T>& batch, std::s
       place += std::exchange(next_places_[s * keys + key], place);
   for_each_slice([&](std::size_t slice, std::size_t begin, std::size_t end) {
     std::uint32_t* next = &next_places_[slice * keys];
-    // Through local pointers: what is written could not be one of them.
+    // Local pointers: the compiler need not read them anew after each write.
     const T* from = batch.rays.data() + 6 * first;
     T* rays = rays_.data();
     std::uint32_t* places = places_.data();
