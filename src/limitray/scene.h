@@ -152,8 +152,8 @@ class Scene {
   void update_points(std::uint32_t geometry_id, std::span<const Vec3d> points);
 
   /// Closest hits. T = float runs the SIMD path, T = double the oracle's arithmetic. Float rays of
-  /// a call are traced together, so one call with 10^4 rays or more is twice as fast as many with a
-  /// few hundred; their order does not matter.
+  /// a call are traced together, so one call with 10^4 rays or more is almost twice as fast as many
+  /// with a few hundred; their order does not matter.
   template <class T>
   void cast_rays(const RayBatch<T>& rays, const HitArrays<T>& hits,
                  Progress* progress = nullptr) const;

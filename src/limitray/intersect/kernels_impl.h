@@ -132,20 +132,6 @@ void write_hit(const SceneView<T>& scene, const LeafHit<T>& hit, const RayBatch<
   }
 }
 
-/// Writes the row of a ray that has ended.
-template <class T>
-struct HitWriter {
-  const SceneView<T>& scene;
-  const RayBatch<T>& rays;
-  const HitArrays<T>& hits;
-
-  void operator()(std::size_t i, const LeafHit<T>& best) const {
-    if (best.leaf == invalid_id)
-      write_miss(hits, i);
-    else
-      write_hit(scene, best, rays, hits, i);
-  }
-};
 template <class T>
 void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range,
              const HitArrays<T>& hits, Statistics& stats) {
@@ -156,17 +142,15 @@ void closest(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range,
         q.reach = std::min(q.tfar, q.best.t + q.best.spread);
         return false;
       },
-      HitWriter<T>{scene, rays, hits}, stats);
+      [&](std::size_t i, const LeafHit<T>& best) {
+        if (best.leaf == invalid_id)
+          write_miss(hits, i);
+        else
+          write_hit(scene, best, rays, hits, i);
+      },
+      stats);
 }
 
-struct OcclusionWriter {
-  std::uint8_t* out;
-
-  template <class T>
-  void operator()(std::size_t i, const LeafHit<T>& best) const {
-    out[i] = best.leaf != invalid_id;
-  }
-};
 template <class T>
 void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range, std::uint8_t* out,
               Statistics& stats) {
@@ -176,7 +160,7 @@ void occluded(const SceneView<T>& scene, const RayBatch<T>& rays, RayRange range
         q.best = h;
         return true;
       },
-      OcclusionWriter{out}, stats);
+      [&](std::size_t i, const LeafHit<T>& best) { out[i] = best.leaf != invalid_id; }, stats);
 }
 
 inline void all(const SceneView<double>& scene, const RayBatch<double>& rays, std::size_t i,
